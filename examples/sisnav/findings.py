@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from work import BENCH, HERE, HOUR, LEVEL, LEVEL_OF, LEVELS, PLACES, Vacuum, Work
 
 import thermid as td
-from thermid.physics.biot import BIOT_LIMIT
+from thermid.physics.htc import BIOT_LIMIT
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number
 
 PRINTED_SETTLING = {"Acc": 4.0, "FOG_l": 5.0, "EleGFO": 5.0, "ProcSISNAV": 5.0}

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from thermid.explain.plausibility import plausibility as plausibility
     from thermid.fit.calibrate import calibrate as calibrate
     from thermid.fit.calibration import Calibration as Calibration
-    from thermid.fit.clocks.alignment import Alignment as Alignment
-    from thermid.fit.clocks.alignment import align as align
     from thermid.fit.discrepancy import Discrepancy as Discrepancy
     from thermid.fit.discrepancy import discrepancy as discrepancy
+    from thermid.fit.second_clocks import Alignment as Alignment
+    from thermid.fit.second_clocks import align as align
     from thermid.inference.identifiability import Identifiability as Identifiability
     from thermid.inference.identifiability import identifiability as identifiability
     from thermid.inference.posterior import Evidence as Evidence
@@ -74,9 +74,7 @@ if TYPE_CHECKING:
     from thermid.measure import Record as Record
     from thermid.measure import SensorCertificate as SensorCertificate
     from thermid.measure import SensorPart as SensorPart
-    from thermid.measure import Weather as Weather
     from thermid.measure import read_record as read_record
-    from thermid.measure import read_weather as read_weather
     from thermid.model.blocks.block import Block as Block
     from thermid.model.deck.modelfile import load_model as load_model
     from thermid.model.deck.modelfile import model_from_dict as model_from_dict
@@ -90,14 +88,13 @@ if TYPE_CHECKING:
     from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
+    from thermid.monte_carlo.hold import HoldQuestion as HoldQuestion
     from thermid.monte_carlo.hold import hold as hold
-    from thermid.monte_carlo.holdfile import HoldQuestion as HoldQuestion
-    from thermid.monte_carlo.holdfile import load_hold as load_hold
+    from thermid.monte_carlo.hold import load_hold as load_hold
     from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
     from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
     from thermid.network.environment import Environment as Environment
     from thermid.network.irradiation import Irradiation as Irradiation
-    from thermid.network.irradiation import OpenSky as OpenSky
     from thermid.network.linear import modes as modes
     from thermid.network.linear import state_space as state_space
     from thermid.network.network import compile_network as compile_network
@@ -114,12 +111,10 @@ if TYPE_CHECKING:
     from thermid.prediction.predict import predict as predict
     from thermid.prediction.split import Split as Split
     from thermid.prediction.split import split as split
-    from thermid.profile_runs.ascent import AscentCheck as AscentCheck
-    from thermid.profile_runs.ascent import ascent_checks as ascent_checks
     from thermid.profile_runs.conduct import run_profile as run_profile
     from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
-    from thermid.profiles.cycles import equivalent_cycles as equivalent_cycles
     from thermid.profiles.profile import ThermalProfile as ThermalProfile
+    from thermid.profiles.profile import equivalent_cycles as equivalent_cycles
     from thermid.profiles.standards import load_profile as load_profile
     from thermid.profiles.standards import profile_names as profile_names
     from thermid.profiles.standards import profile_of as profile_of
@@ -152,23 +147,28 @@ if TYPE_CHECKING:
     from thermid.simulation.scenarios.scenario import Scenario as Scenario
     from thermid.simulation.simulator import Simulator as Simulator
     from thermid.simulation.simulator import prepare as prepare
-    from thermid.simulation.sites.ascent import Trajectory as Trajectory
-    from thermid.simulation.sites.ascent import ascent_scenario as ascent_scenario
-    from thermid.simulation.sites.ascent import read_trajectory as read_trajectory
-    from thermid.simulation.sites.orbit import eclipse_signal as eclipse_signal
-    from thermid.simulation.sites.orbit import orbit_irradiation as orbit_irradiation
-    from thermid.simulation.sites.pad import pad_scenario as pad_scenario
-    from thermid.simulation.sites.site import Site as Site
     from thermid.simulation.solution import Solution as Solution
     from thermid.simulation.solver.engine import Options as Options
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
     from thermid.simulation.transient import simulate as simulate
-    from thermid.simulation.water.moisture import Moisture as Moisture
-    from thermid.simulation.water.moisture import moisture as moisture
-    from thermid.simulation.water.vapour import Volume as Volume
-    from thermid.simulation.water.vapour import WaterBalance as WaterBalance
+    from thermid.site.ascent import Trajectory as Trajectory
+    from thermid.site.ascent import ascent_scenario as ascent_scenario
+    from thermid.site.ascent import read_trajectory as read_trajectory
+    from thermid.site.ascent_checks import AscentCheck as AscentCheck
+    from thermid.site.ascent_checks import ascent_checks as ascent_checks
+    from thermid.site.moisture import Moisture as Moisture
+    from thermid.site.moisture import moisture as moisture
+    from thermid.site.orbit import eclipse_signal as eclipse_signal
+    from thermid.site.orbit import orbit_irradiation as orbit_irradiation
+    from thermid.site.pad import pad_scenario as pad_scenario
+    from thermid.site.site import Site as Site
+    from thermid.site.sky import OpenSky as OpenSky
+    from thermid.site.vapour import Volume as Volume
+    from thermid.site.vapour import WaterBalance as WaterBalance
+    from thermid.site.weather import Weather as Weather
+    from thermid.site.weather import read_weather as read_weather
     from thermid.steadiness.forecast import forecast as forecast
     from thermid.steadiness.foretold import Forecast as Forecast
     from thermid.steadiness.stabilisation import Stability as Stability
@@ -191,20 +191,20 @@ _PUBLIC = {
     "modes": "network.linear",
     "Environment": "network.environment",
     "Irradiation": "network.irradiation",
-    "OpenSky": "network.irradiation",
+    "OpenSky": "site.sky",
     "Scenario": "simulation.scenarios.scenario",
     "load_scenario": "simulation.scenario_file",
-    "Site": "simulation.sites.site",
-    "Weather": "measure",
-    "read_weather": "measure",
-    "pad_scenario": "simulation.sites.pad",
-    "Trajectory": "simulation.sites.ascent",
-    "read_trajectory": "simulation.sites.ascent",
-    "ascent_scenario": "simulation.sites.ascent",
-    "orbit_irradiation": "simulation.sites.orbit",
-    "eclipse_signal": "simulation.sites.orbit",
-    "AscentCheck": "profile_runs.ascent",
-    "ascent_checks": "profile_runs.ascent",
+    "Site": "site.site",
+    "Weather": "site.weather",
+    "read_weather": "site.weather",
+    "pad_scenario": "site.pad",
+    "Trajectory": "site.ascent",
+    "read_trajectory": "site.ascent",
+    "ascent_scenario": "site.ascent",
+    "orbit_irradiation": "site.orbit",
+    "eclipse_signal": "site.orbit",
+    "AscentCheck": "site.ascent_checks",
+    "ascent_checks": "site.ascent_checks",
     "Options": "simulation.solver.engine",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
@@ -217,10 +217,10 @@ _PUBLIC = {
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
     "BlockSolution": "simulation.block_solution",
-    "moisture": "simulation.water.moisture",
-    "Volume": "simulation.water.vapour",
-    "WaterBalance": "simulation.water.vapour",
-    "Moisture": "simulation.water.moisture",
+    "moisture": "site.moisture",
+    "Volume": "site.vapour",
+    "WaterBalance": "site.vapour",
+    "Moisture": "site.moisture",
     "Channel": "measure",
     "SensorPart": "measure",
     "SensorCertificate": "measure",
@@ -229,8 +229,8 @@ _PUBLIC = {
     "Look": "reporting.pictures.look",
     "read_record": "measure",
     "compare": "judge.verdict",
-    "align": "fit.clocks.alignment",
-    "Alignment": "fit.clocks.alignment",
+    "align": "fit.second_clocks",
+    "Alignment": "fit.second_clocks",
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
     "split": "prediction.split",
@@ -287,14 +287,14 @@ _PUBLIC = {
     "ThermalProfile": "profiles.profile",
     "run_profile": "profile_runs.conduct",
     "ProfileRun": "profile_runs.profile_run",
-    "equivalent_cycles": "profiles.cycles",
+    "equivalent_cycles": "profiles.profile",
     "uncertain_runs": "monte_carlo.uncertain",
     "UncertainRuns": "monte_carlo.uncertain",
     "sobol_of": "monte_carlo.drivers",
     "hold": "monte_carlo.hold",
     "Hold": "monte_carlo.hold",
-    "load_hold": "monte_carlo.holdfile",
-    "HoldQuestion": "monte_carlo.holdfile",
+    "load_hold": "monte_carlo.hold",
+    "HoldQuestion": "monte_carlo.hold",
     "reduce": "reduction.reduce",
     "Reduction": "reduction.reduce",
     "deliver": "qualify.deliver",

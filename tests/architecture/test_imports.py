@@ -16,19 +16,34 @@ import thermid
 
 from .source import Module, room_of, within
 
-FOUNDATION = {"arguments", "errors", "files", "toml_files", "grammar", "seals", "memo", "_units_table", "units", "expression", "dual"}
+FOUNDATION = {
+    "arguments",
+    "errors",
+    "extensions",
+    "files",
+    "toml_files",
+    "grammar",
+    "seals",
+    "memo",
+    "_units_table",
+    "units",
+    "expression",
+    "dual",
+    "linear_algebra",
+}
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
 SIMULATION = {"simulation", "simulation.scenarios", "simulation.solver"}
 MEASURE = {"measure", "measure.amounts", "measure.record", "measure.readers"}
-# Moisture, and sites with their weather, are optional: none of the rooms but those that say so imports them.
-OPTIONAL = {"simulation.sites", "simulation.water"}
+# Optional parts: none of the other rooms imports them, nor loads them by text; what they add stands behind an extension point.
+OPTIONAL = {"site"}
 
 # Package: the packages it may import; of a room with packages inside, each has its own line. `thermid/__init__.py` offers the public names
 # of all of them and stands outside.
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "arguments": {"errors"},
+    "extensions": {"errors"},
     "seals": set(),
     "files": {"errors", "seals"},
     "toml_files": {"errors", "files"},
@@ -36,6 +51,7 @@ ARROWS: dict[str, set[str]] = {
     "memo": set(),
     "_units_table": set(),
     "dual": set(),
+    "linear_algebra": set(),
     "units": {"errors", "_units_table"},
     "expression": {"errors", "units", "dual"},
     "physics": FOUNDATION,
@@ -52,26 +68,24 @@ ARROWS: dict[str, set[str]] = {
     "measure": FOUNDATION | MEASURE - {"measure"},
     "knowledge": FOUNDATION | MODEL | MEASURE | {"physics"},
     "simulation.scenarios": FOUNDATION | MODEL | {"physics", "network", "measure"},
-    "simulation.sites": FOUNDATION | MODEL | {"physics", "network", "measure", "simulation.scenarios"},
     "simulation.solver": FOUNDATION | MODEL | {"physics", "network", "knowledge", "simulation.scenarios", "_kernel"},
-    "simulation": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "knowledge", "simulation.sites", "_kernel"},
-    "simulation.water": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
+    "simulation": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "knowledge", "_kernel"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "knowledge"}
-FIT = {"fit", "fit.problem", "fit.least_squares", "fit.uncertainty", "fit.clocks"}
+FIT = {"fit", "fit.problem", "fit.minimisation", "fit.uncertainty", "fit.second_clocks"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
 TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
 ARROWS |= {
     "sourced": LOW,
     "profiles": LOW | {"sourced"},
-    "profile_runs": LOW | {"sourced", "profiles", "simulation.water"},
+    "profile_runs": LOW | {"sourced", "profiles"},
     "steadiness": LOW | {"profile_runs"},
     "reduction": LOW,
     "fit.problem": LOW,
-    "fit.least_squares": LOW | {"fit.problem"},
-    "fit.uncertainty": LOW | {"fit.problem", "fit.least_squares"},
-    "fit.clocks": LOW | {"fit.problem", "fit.least_squares", "fit.uncertainty"},
+    "fit.minimisation": LOW | {"fit.problem"},
+    "fit.uncertainty": LOW | {"fit.problem", "fit.minimisation"},
+    "fit.second_clocks": LOW | {"fit.problem", "fit.minimisation", "fit.uncertainty"},
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "explain": LOW | FIT,
@@ -90,17 +104,15 @@ ARROWS |= {
     | FIT
     | {"campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.qualification": LOW | {"sourced", "judge", "qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
+    "site": FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "sourced"},
     "acquire": FOUNDATION | MEASURE,
     "interop": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
 }
 TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 
-# A scenario may take signals from columns of a table, and weather: that is all that `simulation` may know of measurements.
-ONLY_NAMES = {
-    ("simulation.scenarios", "measure"): {"read_record", "read_plain"},
-    ("simulation.sites", "measure"): {"read_plain", "read_weather", "Weather"},
-}
+# A scenario may take signals from columns of a table: that is all that `simulation` may know of measurements.
+ONLY_NAMES = {("simulation.scenarios", "measure"): {"read_record", "read_plain"}}
 
 HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy", "pvlib")
 
@@ -215,6 +227,8 @@ def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
         ("thermid.explain.x", "import thermid as td", "may not import 'thermid'"),
         ("thermid.reporting.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
         ("thermid.units", "if TYPE_CHECKING:\n    from thermid.expression import Expression", "may not import 'expression'"),
+        ("thermid.simulation.x", "def f():\n    from thermid.site.pad import pad_scenario", "may not import 'site'"),
+        ("thermid.profile_runs.x", "import importlib\nimportlib.import_module('thermid.site.humid')", "may not import 'site'"),
         ("thermid.simulation.scenarios.x", "from thermid.measure import Record", "only "),
         ("thermid.kitchen.x", "", "no line in ARROWS"),
         ("thermid.fit.problem.x", "if TYPE_CHECKING:\n    from thermid.fit.calibration import Calibration", "may not import 'fit'"),

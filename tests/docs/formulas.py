@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from thermid.physics.air import AIR_300K
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.gas import GASES
 
+ROOMS = ("thermid.physics", "thermid.site", "oracles")
+"""Where the functions are that pages name; closed forms that only tests use are among the tests."""
 RANGES = {
     "temperature": (250.0, 400.0), "other_temperature": (250.0, 400.0), "mean": (280.0, 350.0), "ambient": (250.0, 300.0),
     "start": (30.0, 400.0), "surroundings": (250.0, 300.0), "pressure": (1.0, 2e5), "rayleigh": (2e5, 5e6), "reynolds": (1e3, 4e5),
@@ -28,7 +31,7 @@ def disagreement(text: str, words: tuple[str, ...]) -> str:
     if not words:
         return ""
     module, _, name = words[0].partition(".")
-    function = getattr(import_module(f"thermid.physics.{module}"), name)
+    function = getattr(import_module(next(found.name for room in ROOMS if (found := find_spec(f"{room}.{module}")))), name)
     symbols = dict(word.split("=") for word in words[1:])
     rng = np.random.default_rng(1)
     for _ in range(5):

@@ -27,11 +27,11 @@ from thermid.model.deck import schema
 from thermid.model.laws.signal import Sine, Table
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS
+from thermid.profiles.number import SLOTS, WORDS
 from thermid.profiles.profile import STEP_KEYS
 from thermid.profiles.standards import KEYS
 from thermid.qualify import plan_schema
-from thermid.simulation.sites import pad, surroundings
-from thermid.sourced.number import SLOTS, WORDS
+from thermid.site import pad, surroundings
 from thermid.units import TEMPERATURE
 
 from .pages import ROOT, codes, tables

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from strategies import TIGHTER
 from thermid.errors import SolverError, ThermidWarning
-from thermid.physics.biot import biot_number
+from thermid.physics.htc import biot_number
 
 pytestmark = pytest.mark.document
 HOT, COLD = 309.088, 297.15

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from oracles.two_nodes import TwoNodes
 from strategies import TIGHTER
 from thermid.errors import NameNotFoundError
-from thermid.physics.two_nodes import TwoNodes
 
 pytestmark = pytest.mark.document
 EXAMPLE = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"

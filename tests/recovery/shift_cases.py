@@ -15,10 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.uncertainty.moves import Move
-from thermid.fit.uncertainty.shifts import Shift, Test, shifts
-from thermid.fit.uncertainty.trace_noise import Weighed, weighed
-from thermid.fit.uncertainty.wander import Binned, correlation
+from thermid.fit.uncertainty.moved import Move, Shift, Test, shifts
+from thermid.fit.uncertainty.noise import Binned, Weighed, correlation, weighed
 
 __all__ = ["CELLS", "Cell", "Count", "counted"]
 

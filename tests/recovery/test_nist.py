@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from thermid.errors import SolverError
-from thermid.fit.least_squares.solve import Fit, covariances, minimise
-from thermid.fit.problem.residuals import Compressed
-from thermid.fit.problem.statistics import Sums
+from thermid.fit.minimisation import Fit, covariances, minimise
+from thermid.fit.problem.residuals import Compressed, Sums
 from thermid.fit.problem.unknowns import Unknown
 
 pytestmark = pytest.mark.recovery

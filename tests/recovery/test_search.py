@@ -9,8 +9,7 @@ import pytest
 
 import thermid as td
 from recovery.cases import draw, stack_interfaces
-from thermid.fit.least_squares.population import Population
-from thermid.fit.least_squares.search import evolved
+from thermid.fit.minimisation import Population, evolved
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 

@@ -10,8 +10,8 @@ import pytest
 from thermid.errors import ThermidError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.solve import covariances, ended
-from thermid.fit.problem.sensor_parts import attached
+from thermid.fit.minimisation import covariances, ended
+from thermid.fit.problem.experiment import attached
 from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import validate
 from thermid.measure import Channel, Record
@@ -134,9 +134,9 @@ def test_noise_that_is_correlated_is_covered_and_would_mislead() -> None:
             # as if every sample told something new; a fit that is told nothing sees its residuals wander, and widens by what it guesses
             other = fit(clean + noise, None)
             assert other.problem is not None
-            assert other.wander is not None
+            assert other.autocorrelation is not None
             end = ended(other.problem, np.array(list(other.fitted.values())))
-            _, _, weights = covariances(end, other.wander.level)
+            _, _, weights = covariances(end, other.autocorrelation.variance_factor)
             blind.append(float(np.log(other["skin.conductance"].value / 0.05) / np.sqrt(weights[0, 0])))
     assert covered(known)
     assert not covered(blind)

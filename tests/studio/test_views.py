@@ -131,7 +131,7 @@ def test_a_long_run_is_stopped(shown: Page) -> None:
 @pytest.mark.campaign
 def test_a_humidity_course_is_stopped_in_its_balance(shown: Page) -> None:
     """All steps are done and the vapour is being balanced: the longest part, and it ends at the next pass."""
-    shown.run(CHOOSE, "MIL-STD-810H humidity aggravated")
+    shown.run(CHOOSE, "SMC-S-016 unit humidity")
     shown.until("document.querySelector('#profile-numbers table')")
     shown.click("#scenario-run")
     shown.until("document.getElementById('status').textContent.includes('all its steps') || document.getElementById('stop').hidden")

@@ -218,7 +218,7 @@ def test_residuals_are_not_white_and_white_in_one_output() -> None:
         said += wandering
         assert not (wandering and "residuals white: yes" in str(fit))
     assert said
-    from thermid.fit.problem.statistics import SensorStatistics
+    from thermid.fit.problem.residuals import SensorStatistics
 
     assert SensorStatistics(0.1, 0.0, 0.2, 1000, 0.0, 0.0, 1000.0).white
     assert not SensorStatistics(0.1, 0.0, 0.2, 1000, 0.0, 0.0, 400.0).white

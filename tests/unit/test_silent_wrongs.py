@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from oracles.decay import radiative_decay
 from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
 from thermid.judge.correlation import correlate
 from thermid.judge.criteria import Criteria
@@ -18,7 +19,6 @@ from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.written import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
-from thermid.physics.decay import radiative_decay
 from thermid.qualify.deliver import deliver
 from thermid.reduction.macro import assumed, host_values
 from thermid.reporting.diagrams.diagram import STYLES, diagram

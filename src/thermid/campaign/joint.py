@@ -18,12 +18,10 @@ from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import prior_of, problem_for
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, is_glob, matching
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.selection import is_glob, matching
-from thermid.fit.problem.unknowns import Prior, Target, Unknown
-from thermid.fit.uncertainty.moved import moves_from, part_of
-from thermid.fit.uncertainty.moves import Moves
+from thermid.fit.problem.unknowns import Influence, Prior, Unknown
+from thermid.fit.uncertainty.moved import Moves, moves_from, part_of
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import Store, graft
 from thermid.knowledge.values import FittedValue, FittedValues
@@ -411,7 +409,7 @@ def _merged(levels: Sequence[Level], problems: Sequence[Problem], shared: Shared
     ]
 
 
-def _joined(one: Unknown, other: Unknown, targets: tuple[Target, ...]) -> Unknown:
+def _joined(one: Unknown, other: Unknown, targets: tuple[Influence, ...]) -> Unknown:
     """Return an unknown that acts at another level too; of an instrument the tighter accuracy holds."""
     prior = one.prior
     if other.prior is not None and (prior is None or other.prior.sd < prior.sd):

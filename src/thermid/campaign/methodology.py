@@ -14,7 +14,7 @@ from thermid.campaign.file import by_grammar, read_campaign
 from thermid.campaign.stages import Campaign
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.judge.metrics import Residuals, metric
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
@@ -254,7 +254,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
     return out
 
 
-def _entry(action: str, stage: str, block: Block, held_out: bool = False) -> LogEntry:
+def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> LogEntry:
     return LogEntry(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
 
 

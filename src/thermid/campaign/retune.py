@@ -21,8 +21,7 @@ from thermid.dual import value_of
 from thermid.errors import DeckError, IdentificationError, MissingDataError, SolverError, ThermidError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.keys import key_of
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, key_of
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State, Store, ValueOrigin, graft
 from thermid.knowledge.values import view

@@ -18,9 +18,7 @@ from thermid.campaign.joint import JointFit, fit_jointly, joint_key
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.keys import digest, ingredients_of
-from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.selection import freed, priors_of
+from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of
 from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.store import Store, graft

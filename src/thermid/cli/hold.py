@@ -38,7 +38,7 @@ def hold(
     """
     from thermid.errors import SolverError
     from thermid.files import PICTURE, may_write
-    from thermid.monte_carlo.holdfile import load_hold
+    from thermid.monte_carlo.hold import load_hold
     from thermid.reporting.pictures.trust import check_ending, picture
 
     if figure is not None:

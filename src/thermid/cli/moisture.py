@@ -12,7 +12,7 @@ from thermid.cli.standing import Accept, KeepValues, leave, with_fitted
 from thermid.toml_files import read_toml
 
 if TYPE_CHECKING:
-    from thermid.simulation.water.moisture import Moisture
+    from thermid.site.moisture import Moisture
 
 
 def register(app: typer.Typer) -> None:
@@ -39,7 +39,7 @@ def moisture(
     from thermid.knowledge.store import model_standing
     from thermid.model.deck.modelfile import load_model
     from thermid.model.laws.signal import literal
-    from thermid.simulation.water.moisture import moisture as run
+    from thermid.site.moisture import moisture as run
 
     model = with_fitted(load_model(deck), values, keep_values)
     standing = model_standing(model).accept(accept or ())

@@ -11,8 +11,8 @@ from thermid.physics.constants import ICE_POINT
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign
     from thermid.fit.calibration import Calibration
-    from thermid.fit.problem.statistics import SensorStatistics
-    from thermid.fit.uncertainty.moves import Moves
+    from thermid.fit.problem.residuals import SensorStatistics
+    from thermid.fit.uncertainty.moved import Moves
     from thermid.judge.verdict import Verdict
     from thermid.simulation.solution import Solution
 

@@ -115,7 +115,7 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
 def _number(name: str, text: str) -> str | float:
     """Return a value in the usual unit where none is written."""
     from thermid.cli.app import _with_unit
-    from thermid.sourced.number import SLOTS
+    from thermid.profiles.number import SLOTS
     from thermid.units import TEMPERATURE
 
     usual = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": "1"}

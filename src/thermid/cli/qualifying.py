@@ -133,7 +133,7 @@ def correlate(
     from thermid.errors import ScenarioError
     from thermid.judge.correlation import correlate as compare
     from thermid.judge.correlation import read_two
-    from thermid.sourced.marks import weigh
+    from thermid.sourced import weigh
 
     ready(to, pdf)
     windows = []

@@ -21,8 +21,9 @@ from thermid.fit.problem.gather import prior_of, problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
-from thermid.fit.uncertainty.grouping import percent
+from thermid.fit.uncertainty.groups import percent
 from thermid.knowledge.sources import Normal, Source
+from thermid.linear_algebra import variance
 from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import Constant, Signal, Table, literal
 from thermid.model.parts.parameter import Parameter
@@ -502,13 +503,7 @@ def _goal(text: str, slot: str, value: float) -> float:
 
 def _error(information: Array, gradient: Array) -> float:
     """Return the standard error of a target."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    sizes, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    part = vectors.T @ (gradient / scale)
-    weak = sizes < 1e-11 * sizes[-1]
-    if (np.abs(part[weak]) > 1e-6 * np.linalg.norm(part)).any():
-        return float("inf")
-    return float(np.sqrt(np.sum(part[~weak] ** 2 / sizes[~weak])))
+    return float(np.sqrt(variance(information, gradient)))
 
 
 def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:

@@ -12,8 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import meet, role_and_target
-from thermid.fit.problem.sensor_parts import at_their_seats, attached
+from thermid.fit.problem.experiment import at_their_seats, attached, meet, role_and_target
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.record.steady import SteadyPoint

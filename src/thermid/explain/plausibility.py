@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.driven import power_while_on
+from thermid.fit.problem.experiment import power_while_on
 from thermid.knowledge.values import FittedValue
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import FlatConductor

@@ -1,37 +1,394 @@
-"""`calibrate`: records and free names in, a `Calibration` out, or a refusal that says why."""
+"""`calibrate`: records and free names in, a `Calibration` out, or a refusal; the standing of a fit, and the store of what it found."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
-from thermid.fit.calibration import Calibration
-from thermid.fit.clocks.search import at_clocks, in_turns, with_clocks
-from thermid.fit.contradicted import FIRST
+from thermid.fit.calibration import FAR, FIRST, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
-from thermid.fit.hand_stage import tuned_by_hand
 from thermid.fit.inputs import inputs_of
-from thermid.fit.least_squares.search import searched
-from thermid.fit.least_squares.solve import Fit, covariances, ended, minimise
-from thermid.fit.mistakes import mistakes, strange_powers
+from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
+from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import problem_for
-from thermid.fit.problem.request import LocalSpec, Request
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.selection import freed, priors_of
-from thermid.fit.problem.statistics import pooled
-from thermid.fit.refusals import refuse_after, refuse_before
-from thermid.fit.summary import summarise
-from thermid.fit.uncertainty.responses import responses
-from thermid.fit.uncertainty.wander import wander
+from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, priors_of
+from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
+from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.refusals import mistakes, refuse_after, refuse_before, strange_powers
+from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
+from thermid.fit.uncertainty.information import Responses, responses
+from thermid.fit.uncertainty.moved import Moves, moves_above
+from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
+from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
+from thermid.measure.amounts import short
+from thermid.model.laws.signal import Table
+from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import deck_text, parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.units import counted
+
+Array = NDArray[np.float64]
+NOISES, SHARE = 3.0, 0.02
+"""What the autocorrelated part of residuals may be, as a standard deviation: so many noises of the sensor, or so much of what the sensor
+ranged over in the record, whichever is more. [-]"""
+
+
+def own_standing(
+    request: Request, problem: Problem, found: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
+) -> Standing:
+    """Return the standing of a fit by itself, whatever it rests on."""
+    wrong = [*contradicted(values).values(), *([] if found.converged else [f"the fit did not converge: {found.message}"])]
+    if wrong:
+        return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
+    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
+    short_of += _missed(request, problem, spread) if spread is not None else []
+    if short_of:
+        return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
+    return replace(CREDIBLE, stage=values.stage)
+
+
+def at_bounds(problem: Problem, found: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
+    """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
+    out = []
+    for k, u in enumerate(problem.unknowns):
+        error = float(np.sqrt(total[k, k]))
+        for bound, side in zip(u.fitted_bounds(), ("lower", "upper"), strict=True):
+            if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
+                out.append((u, side, bound))
+    return out
+
+
+def _missed(request: Request, problem: Problem, spread: Autocorrelation) -> list[str]:
+    """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
+    seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
+    found: list[tuple[float, str]] = []
+    for t in spread.traces:
+        o = seen[t.record, t.sensor]
+        sigma = o.sigma(problem.noise)
+        noise = o.noise if o.noise is not None else float(np.sqrt(t.white_variance)) * sigma
+        limit = request.adequate or max(NOISES * noise, SHARE * float(np.ptp(o.measured)))
+        size = float(np.sqrt(t.correlated_variance)) * sigma
+        if size > limit:
+            what = "'adequate'" if request.adequate else f"{NOISES:g} noises and {100 * SHARE:g} % of its range"
+            found.append((size / limit, f"{t.sensor} in {t.record} is missed by {short(size)} K (limit {short(limit)} K: {what})"))
+    if not found:
+        return []
+    first = max(found)[1]
+    return [f"{first}, and {counted(len(found) - 1, 'further trace')}" if len(found) > 1 else first]
+
+
+def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
+    """Return who gave the values that a fit rests on -> their standing.
+
+    It rests on every value that was laid over its model and acts there, but for those that it freed without a prior of them, and on the
+    errors of its own instruments that a stage below found.
+    """
+    given = {q for p in request.prior for q in request.store.states[p].acts}
+    given |= {p for p, (mean, _) in request.priors.items() if not mean}  # a prior about the value that was there
+    freed = {q for p, v in values.parameters.items() if p not in given for q in (p, *v.also)}
+    out: dict[str, list[Standing]] = {}
+    for path, entry in parameter_table(request.model).items():
+        if path not in freed and entry.parameter.standing is not None:
+            out.setdefault(entry.origin, []).append(entry.parameter.standing)
+    for s in request.store.states.values():
+        if s.kind != "parameter" and s.path in values:
+            out.setdefault(str(s.origin), []).append(s.standing)
+    return {who: worst(several) for who, several in out.items()}
+
+
+def stored(request: Request, problem: Problem, values: FittedValues, found: Responses) -> Store:
+    """Return what is known once a fit is done.
+
+    Parameters
+    ----------
+    request, problem    The fit's.
+    values : FittedValues   What it found.
+    found : Responses       What its errors come from.
+    """
+    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
+    key = key_for(request)
+    rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
+    known = [not found.unlimited[k] for k in kept]
+    origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
+    decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
+    states = {v.path: replace(state_of(v, origin, decks), known=sure) for v, sure in zip(values.values(), known, strict=True)}
+    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
+    return in_place(request.store, Store(states, sources, rows, seen, {values.stage: values.provenance}))
+
+
+def in_place(before: Store, new: Store) -> Store:
+    """Return what was known before with new states in the place of those that they stand for."""
+    here = {n for s in new.states.values() for n in (s.path, *s.paths)}
+    sources = tuple({s.name: s for s in (*before.sources, *new.sources)}.values())
+    place = {s.name: k for k, s in enumerate(sources)}
+    states: dict[str, State] = {}
+    root = []
+    for store in (before, new):
+        columns = [place[s.name] for s in store.sources]
+        for state, own in zip(store.states.values(), store.root, strict=True):
+            kept = _left(state, here) if store is before else _after(state, before)
+            if kept is not None:
+                row = np.zeros(len(sources))
+                row[columns] = own
+                states[kept.path] = kept
+                root.append(row)
+    whole = replace(
+        before,
+        states=states,
+        sources=sources,
+        root=np.array(root).reshape(len(root), len(sources)),
+        seen={**before.seen, **new.seen},
+        provenance={**before.provenance, **new.provenance},
+        left_out=tuple(dict.fromkeys((*before.left_out, *new.left_out))),
+    )
+    return whole.trimmed()
+
+
+def _after(state: State, before: Store) -> State:
+    """Return a state that knows whom it replaces."""
+    old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
+    return replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))
+
+
+def _left(state: State, here: set[str]) -> State | None:
+    """Return what is left of a state once a fit has looked for some paths; None for nothing."""
+    if state.kind != "parameter":
+        return None if state.path in here else state
+    paths = tuple(p for p in state.paths if p not in here)
+    return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
+
+
+def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> State:
+    """Return the state that a value of a stage is; `decks` has the texts of the decks' values by path."""
+    parameter = v.kind == "parameter"
+    return State(
+        v.path,
+        v.value,
+        v.log,
+        v.unit,
+        v.bounds,
+        origin,
+        v.kind,
+        (v.path, *v.also) if parameter else (),
+        deck=decks.get(v.path, ""),
+        standing=v.standing,
+        start=v.start,
+        random=v.error_random,
+        prior=v.prior,
+    )
+
+
+def tuned_by_hand(request: Request, hand: Store) -> Calibration:
+    """Return a stage that takes values as somebody tuned them, over what the stages below found."""
+    store = in_place(request.store, hand)
+    values = view(store, list(hand.states), request.name)
+    return Calibration(
+        request.name,
+        request.model,
+        values,
+        (),
+        (),
+        {},
+        {},
+        {},
+        0.0,
+        0,
+        0,
+        request.loss,
+        request.remarks,
+        seen=store.seen,
+        request=request,
+        own=UNJUDGED,
+        rests=rests_on(request, values),
+        store=store,
+    )
+
+
+CHANCE = 0.01
+
+
+def summarise(
+    request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Autocorrelation | None = None
+) -> Calibration:
+    """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
+    name, total = request.name or request.model.title, known.total
+    origin = f"{name}: {_listed([r.name for r in request.records])}"
+    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
+    items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
+    records = {r.name: r.origin.sha256 for r in request.records}
+    provenance: dict[str, Any] = {
+        "version": version("thermid"),
+        "date": datetime.now(UTC).date().isoformat(),
+        "model": request.model.identity(),
+        "records": records,
+        "synthetic": any(r.origin.synthetic for r in request.records),
+    }
+    own = np.ix_(kept, kept)
+    values = FittedValues(name, items, total[own], provenance)
+    alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
+    store = stored(request, problem, values.judged(worst([alone, *rests.values()])), known)
+    values = view(store, list(values), name)
+    bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
+    blocks = Predictions(found.sums, problem, found.fitted)
+    local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
+    freedom = round(problem.effective_samples) - len(problem.unknowns)
+    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if request.store.states else Moves()
+    return Calibration(
+        name,
+        request.model,
+        values,
+        local,
+        blocks,
+        bias,
+        records,
+        correlations_of(problem, total),
+        found.chi_square,
+        freedom,
+        found.evaluations,
+        request.loss,
+        (
+            *loudly(values),
+            *far_from_sheet(request.model, values),
+            *request.remarks,
+            *_warnings(problem, found, total, spread),
+            *found.remarks,
+            *(_wandering(spread) if spread is not None else ()),
+            *(moved.warnings() if moved else ()),
+        ),
+        bool(provenance["synthetic"]),
+        {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
+        problem.experiments,
+        {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)},
+        found.converged,
+        request,
+        problem,
+        moved,
+        spread,
+        search=found.search,
+        own=alone,
+        rests=rests,
+        store=store,
+    )
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} records)"
+
+
+def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
+    slope = u.slope(fitted)
+    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(random)) if u.kind == "parameter" else 0.0)
+    prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
+    return FittedValue(
+        u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also
+    )
+
+
+def _local(u: Unknown, fitted: float, variance: float) -> Local:
+    record, _, name = u.name.partition(": ")
+    return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
+
+
+def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+    """Return (path, path) -> correlation in a covariance of all unknowns, those above 0.1."""
+    names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
+    out = {}
+    for i, (k, first) in enumerate(names):
+        for m, second in names[i + 1 :]:
+            size = np.sqrt(total[k, k] * total[m, m])
+            value = float(total[k, m] / size) if size > 0 and np.isfinite(size) else 0.0
+            if abs(value) > 0.1:
+                out[first, second] = value
+    return out
+
+
+def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
+    """Return what a reader must know."""
+    out = []
+    if not found.converged:
+        out.append(f"the fit did not converge: {found.message}")
+    for u, side, bound in at_bounds(problem, found, total):
+        shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
+        out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
+    for k, u in enumerate(problem.unknowns):
+        far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
+        if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
+            out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
+    out += _strained(problem, found)
+    out += _taken_as_instants(problem)
+    freedom = round(problem.effective_samples) - len(problem.unknowns)
+    reduced = found.chi_square / max(freedom, 1)
+    stated = all(o.noise is not None for o in problem.observations())
+    if stated and freedom > 0 and reduced > 1.5:
+        widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > 1.5 else ""
+        out.append(f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}.")
+    return out
+
+
+def _wandering(spread: Autocorrelation) -> list[str]:
+    """Return one remark on traces whose residuals wander."""
+    slow = [t for t in spread.traces if wanders(t.effective_samples, t.samples)]
+    # one white trace in a hundred looks as if it wandered
+    if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
+        return []
+    share = f"{len(slow)} of {len(spread.traces)} traces" if len(spread.traces) > 1 else "the trace"
+    count, effective = sum(t.samples for t in slow), sum(t.effective_samples for t in slow)
+    return [
+        f"residuals of {share} are not white: the model misses something, or the readings were filtered. Their {count} samples are worth "
+        f"{short(effective)} independent ones, and the errors were widened accordingly."
+    ]
+
+
+def _taken_as_instants(problem: Problem) -> list[str]:
+    """Return one remark on logged boundaries that change between samples by more than the noise, where nobody said what a sample is.
+
+    The mean over an interval is the instant of its middle: half a change between two samples apart.
+    """
+    apart: dict[str, float] = {}
+    for e in problem.experiments:
+        noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
+        for name, given in e.scenario.boundaries.items():
+            if isinstance(given, Table) and not given.held and not given.samples:
+                half = 0.5 * float(np.sqrt(np.mean(np.diff(given.levels) ** 2)))
+                if half > noise:
+                    apart[name] = max(half, apart.get(name, 0.0))
+    if not apart:
+        return []
+    shown = ", ".join(f"'{n}' ({short(k)} K)" for n, k in apart.items())
+    return [
+        f"samples of logged boundaries are taken as instants; as means over the intervals up to their stamps they would drive the model "
+        f"otherwise by more than the noise: {shown}. Say samples = 'instant' or 'average' of their channels."
+    ]
+
+
+def _strained(problem: Problem, found: Fit) -> list[str]:
+    """Return one remark on the values of single records that lie far from their priors."""
+    far = {
+        u.name: abs(found.fitted[k] - u.prior.mean) / u.prior.sd
+        for k, u in enumerate(problem.unknowns)
+        if u.kind == "local" and u.prior is not None and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd
+    }
+    if not far:
+        return []
+    worst = max(far, key=far.__getitem__)
+    count = sum(u.kind == "local" and u.prior is not None for u in problem.unknowns)
+    return [
+        f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest "
+        f"with {far[worst]:.1f}: the priors are too tight, or the model makes these values answer for something that it misses."
+    ]
+
 
 Progress = Callable[[int, float], None]
 
@@ -103,23 +460,26 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
     else:
         with _units_asked(problem):
-            problem = with_clocks(problem, request.loss, request.knee)
+            if problem.clocked:
+                problem = with_clocks(problem, request.loss, request.knee)
             refuse_before(request, problem, lambda r: fit(r))
             found = searched(problem, request.search, request.loss, request.knee, progress)
-            problem, found = in_turns(problem, found, request.loss, request.knee, progress)
+            if problem.clocked:
+                problem, found = in_turns(problem, found, request.loss, request.knee, progress)
         if not stated:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
             again = minimise(weighed, request.loss, request.knee, found.fitted, progress)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
-    problem = at_clocks(problem, found.fitted)
+    if problem.clocked:
+        problem = at_clocks(problem, found.fitted)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.knee)
         kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
         found = replace(again, **kept)
-    spread = wander(problem, found, request.loss, request.knee)
-    _, random, weights = covariances(found, spread.level, spread.excess)
+    spread = autocorrelation(problem, found, request.loss, request.knee)
+    _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     asked = strange_powers(problem)
     found = replace(found, remarks=(*found.remarks, *asked))
     if stated and request.free and len(problem.experiments) == len(request.records):
@@ -131,7 +491,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         unlogged = (f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load")
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
-    errors = responses(request, problem, found, spread.level, random, weights)
+    errors = responses(request, problem, found, spread.variance_factor, random, weights)
     return with_discrepancy(summarise(request, problem, found, errors, random, spread))
 
 
@@ -145,7 +505,7 @@ def _units_asked(problem: Problem) -> Iterator[None]:
 
 
 def _freedom(problem: Problem) -> float:
-    return max(problem.worth - len(problem.unknowns), 1.0)
+    return max(problem.effective_samples - len(problem.unknowns), 1.0)
 
 
 def _misfit(request: Request) -> float:

@@ -1,34 +1,102 @@
-"""`Calibration`: what a fit found, how well it is known, and what a reader must be told."""
+"""`Calibration`: what a fit found, how well it is known, what it contradicts, and which sensors set its errors."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.contradicted import BLAME, FIRST, LOUD, contradicted
 from thermid.fit.inputs import InputTable, input_lines, inputs_of
-from thermid.fit.problem.residuals import Block, Predictions, Problem
-from thermid.fit.problem.statistics import SensorStatistics, Sums, pooled
-from thermid.fit.sensors import instrument_shares, sensor_shares
-from thermid.fit.uncertainty.moves import Moves
+from thermid.fit.problem.experiment import Experiment
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
+from thermid.fit.uncertainty.moved import Moves
+from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues, save_store
 from thermid.measure.amounts import digits, short
 from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import parameter_table
 from thermid.units import counted, unit
 
-if TYPE_CHECKING:
-    from thermid.fit.problem.experiment import Experiment
-    from thermid.fit.problem.request import Request
-    from thermid.fit.problem.residuals import Problem
-    from thermid.fit.uncertainty.wander import Wander
+LOUD = "NOT CREDIBLE: "
+BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
+"""What to look for where a fit contradicts what was stated."""
+
+FIRST = "check: "
+"""Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
+TIMES = 5.0
+"""Factor from the deck's value from which a fitted value with a source is questioned. [-]"""
+UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
+"""Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
+
+FAR = 10.0
+"""Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
+
+
+def contradicted(values: FittedValues) -> dict[str, str]:
+    """Return name -> what would have to be wrong, of fitted values that lie more than ten deviations from what was stated of them."""
+    far = {name: _deviations(v) for name, v in values.items()}
+    return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > FAR}
+
+
+def loudly(values: FittedValues) -> tuple[str, ...]:
+    """Return the one sentence that says so at the head of a fit; nothing where nothing is contradicted."""
+    far = contradicted(values)
+    return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
+
+
+def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
+    """Return a question about each fitted value that is five times the deck's, or a fifth of it.
+
+    Asked of values whose source is a data sheet, a publication, a measurement or a derivation, and of masses and heat capacities unless
+    they are assumed.
+    """
+    table, out = parameter_table(model), []
+    for path, v in values.parameters.items():
+        if path not in table or not (v.log and v.start > 0.0 and v.value > 0.0):
+            continue
+        ratio, source = v.value / v.start, table[path].parameter.source
+        asked = source != "assumed" if source else unit(v.unit).dimension in UNSOURCED
+        if asked and not 1.0 / TIMES < ratio < TIMES:
+            of = f"{short(v.converted(v.start), 3)} {v.unit} ({source})" if source else f"{short(v.converted(v.start), 3)} {v.unit}"
+            times = f"{short(ratio, 3)} times" if ratio > 1.0 else f"{short(1.0 / ratio, 3)} times less than"
+            out.append(
+                f"{FIRST}{path} is {short(v.in_unit, 3)} {v.unit}, {times} the deck's {of}. A unit of time, power or temperature in the "
+                "log, or the deck's value, may be wrong."
+            )
+    return tuple(out)
+
+
+def _deviations(v: FittedValue) -> float:
+    """Return how many standard deviations a value lies from its prior; zero where it has none. [-]"""
+    if v.prior is None or (v.log and not v.value > 0.0):
+        return 0.0
+    mean, sd = v.prior
+    return abs((math.log(v.value) if v.log else v.value) - mean) / sd
+
+
+def _words(v: FittedValue, deviations: float) -> str:
+    times = short(deviations)
+    if v.kind == "sensor" or (v.kind == "shared" and v.unit == "K"):
+        sd = v.prior[1] if v.prior is not None else 0.0
+        name = v.path.removeprefix("sensor ").removesuffix(" error")
+        return f"{name} would have to be wrong by {v.value:+.3g} K, {times} times its accuracy of {short(sd)} K"
+    if v.kind == "shared":
+        sd = v.prior[1] if v.prior is not None else 0.0
+        error = f"{100 * (v.value - 1):+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
+        return f"{v.path.removesuffix(' error')} would have to be wrong by {error}"
+    if v.kind == "instrument":
+        return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit}, {times} deviations from what is stated"
+    return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit}, {times} deviations from its prior"
+
 
 Array = NDArray[np.float64]
 
@@ -72,7 +140,7 @@ class Calibration:
     moved : Moves               What the logs say of values of the stages below: moved, not rejected, or that they cannot decide.
     search : str                What was looked at beyond one descent; empty for nothing.
     seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
-    wander : Wander or None     How the residuals wander.
+    autocorrelation : Autocorrelation or None   Of the residuals.
     own : Standing              How far the fit may be trusted by itself.
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
@@ -83,7 +151,7 @@ class Calibration:
     model: Model
     values: FittedValues
     local: tuple[Local, ...]
-    blocks: Sequence[Block]
+    blocks: Sequence[SensorTrace]
     bias: Mapping[str, float]
     records: Mapping[str, str]
     correlations: Mapping[tuple[str, str], float]
@@ -100,7 +168,7 @@ class Calibration:
     request: Request | None = field(default=None, repr=False)
     problem: Problem | None = field(default=None, repr=False)
     moved: Moves = field(default_factory=Moves)
-    wander: Wander | None = field(default=None, repr=False)
+    autocorrelation: Autocorrelation | None = field(default=None, repr=False)
     search: str = ""
     store: Store = field(default_factory=Store, repr=False)
     own: Standing = UNJUDGED
@@ -152,27 +220,27 @@ class Calibration:
         return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
 
     @property
-    def effective(self) -> Mapping[tuple[str, str], float]:
+    def effective_samples(self) -> Mapping[tuple[str, str], float]:
         """(record, sensor) -> independent samples that its readings are worth."""
-        return self.wander.effective if self.wander is not None else {}
+        return self.autocorrelation.effective_samples if self.autocorrelation is not None else {}
 
     @property
     def statistics(self) -> dict[str, dict[str, SensorStatistics]]:
         """Record -> sensor -> statistics."""
         out: dict[str, dict[str, SensorStatistics]] = {}
         for record, sensor, sums in self._sums():
-            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective.get((record, sensor)))
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective_samples.get((record, sensor)))
         return out
 
     @property
     def sensors(self) -> dict[str, SensorStatistics]:
         """Sensor -> statistics over all records together."""
         parts: dict[str, list[Sums]] = {}
-        worth: dict[str, float] = {}
+        effective: dict[str, float] = {}
         for record, sensor, sums in self._sums():
             parts.setdefault(sensor, []).append(sums)
-            worth[sensor] = worth.get(sensor, 0.0) + self.effective.get((record, sensor), sums.count)
-        return {n: pooled(several).statistics(self.bias.get(n, 0.0), worth[n]) for n, several in parts.items()}
+            effective[sensor] = effective.get(sensor, 0.0) + self.effective_samples.get((record, sensor), sums.count)
+        return {n: pooled(several).statistics(self.bias.get(n, 0.0), effective[n]) for n, several in parts.items()}
 
     def median_rmse(self, sensor: str) -> float:
         """Return the median over records of a sensor's RMSE. [K]"""
@@ -273,3 +341,104 @@ def _local_text(i: Local) -> str:
     if i.unit == "degC":
         return f"{i.value - 273.15:.2f} +- {short(i.error)} degC"
     return f"{digits(i.value, i.error)} +- {short(i.error)} {i.unit if i.unit != '1' else ''}".rstrip()
+
+
+WORTH = 0.05
+"""Share of a variance from which it is worth a word."""
+
+
+@dataclass(frozen=True)
+class SensorShare:
+    """The constant error of a sensor beside what it measured.
+
+    Parameters
+    ----------
+    sensor : str
+    accuracy : float    Standard deviation of its constant error before the fit. [K]
+    rise : float        Between its lowest and highest reading in a record, the largest of all records. [K]
+    parameter : str     The parameter whose error it sets most; empty for none worth a word.
+    share : float       Of the variance of that parameter, what would be gone if the constant error were known. [-]
+    """
+
+    sensor: str
+    accuracy: float
+    rise: float
+    parameter: str
+    share: float
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        part = f"is {100 * self.accuracy / self.rise:.2g} % of its rise of {self.rise:.2g} K" if self.rise > 0 else "met no rise"
+        sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
+        return f"constant error of {self.sensor}: {self.accuracy:.2g} K (accuracy) {part}{sets}"
+
+
+def sensor_shares(fit: Calibration) -> tuple[SensorShare, ...]:
+    """Return what the constant error of every sensor that has an accuracy means for a fit.
+
+    The share is the squared correlation of parameter and constant error in their joint covariance.
+    """
+    seen: dict[str, float] = {}
+    accuracy: dict[str, float] = {}
+    for e in fit.experiments:
+        for o in e.observations:
+            seen[o.sensor] = max(seen.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
+            accuracy[o.sensor] = o.accuracy or 0.0
+    order = list(fit.values)
+    out = []
+    for sensor in fit.values.sensors:
+        best, share = _most(fit, order.index(f"sensor {sensor}"))
+        if accuracy.get(sensor):
+            out.append(SensorShare(sensor, accuracy[sensor], seen[sensor], best, share))
+    return tuple(out)
+
+
+def _most(fit: Calibration, j: int) -> tuple[str, float]:
+    """Return the parameter whose error an unknown at position `j` sets most, and its share of the variance; nothing below `WORTH`."""
+    order, best, share = list(fit.values), "", WORTH
+    for path in fit.values.parameters:
+        k = order.index(path)
+        size = fit.values.covariance[k, k] * fit.values.covariance[j, j]
+        found = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
+        best, share = (path, found) if found > share else (best, share)
+    return best, share if best else 0.0
+
+
+@dataclass(frozen=True)
+class InstrumentShare:
+    """The error of a sensor's scale, or its lag, as it was stated and as the fit found it.
+
+    Parameters
+    ----------
+    name : str              ``scale of T1``, ``lag of T1``.
+    unit : str              Of the numbers: 1 for a scale, s for a lag.
+    stated : (float, float) Mean and standard deviation before the fit.
+    found : (float, float)  After it.
+    parameter : str         The parameter whose error it sets most; empty for none worth a word.
+    share : float           Of the variance of that parameter, what would be gone if it were known. [-]
+    """
+
+    name: str
+    unit: str
+    stated: tuple[float, float]
+    found: tuple[float, float]
+    parameter: str
+    share: float
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        factor, unit = (100.0, "%") if self.unit == "1" else (1.0, self.unit)
+        before, after = (f"{factor * mean:.3g} +- {factor * sd:.2g} {unit}" for mean, sd in (self.stated, self.found))
+        sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
+        return f"{self.name}: {before} as stated, {after} found{sets}"
+
+
+def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
+    """Return what the scales and lags that were looked for mean for a fit; shares as in `sensor_shares`."""
+    out = []
+    for j, (name, v) in enumerate(fit.values.items()):
+        if v.kind == "instrument" and v.prior is not None:
+            mean, sd = v.prior
+            stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
+            out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_most(fit, j)))
+    return tuple(out)

@@ -1,39 +1,242 @@
-"""What coefficients that are held constant leave out, of the fit itself and of a prediction away from its conditions."""
+"""Structural discrepancy: what constant coefficients and joints with gas leave out of a fit and of a prediction away from its conditions.
+
+A conductance G that grows by a small part c of a pattern, ``G (1 + c p(t))``, is to first order the same as the heat ``c q(t) p(t)`` put
+into the second end and taken from the first. So every pattern is a pair of heat loads of zero size, and the kernel's derivatives with
+respect to their size are the answer of the whole network to it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
+from thermid.dual import value_of
 from thermid.errors import IdentificationError
-from thermid.fit.coefficients import (
-    Conditions,
-    coefficient_path,
-    conditions_of,
-    constant_coefficients,
-    courses,
-    patterns_of,
-    with_patterns,
-)
-from thermid.fit.joint_gas import separated
-from thermid.fit.least_squares.solve import covariances, ended
+from thermid.fit.calibration import Calibration
+from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.fit.uncertainty.wander import binned
+from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
-
-if TYPE_CHECKING:
-    from thermid.fit.calibration import Calibration
-    from thermid.fit.coefficients import Course, Pattern
-    from thermid.fit.uncertainty.wander import Wander
+from thermid.model.laws.signal import Table
+from thermid.model.tree.flat import FlatConductor, FlatLoad
+from thermid.network.medium import Media
+from thermid.network.network import Network
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.physics.gas import GASES, REFERENCE
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]
+POINTS = 301
+SMALL = 1e-3
+"""Part of the reference difference below which a coefficient's growth with the difference no longer matters: no heat flows."""
+EXPONENT = 1.0 / 3.0
+"""Of natural convection with the difference of temperature: 1/4 laminar to 1/3 turbulent (Churchill and Chu 1975); 0 where air is blown."""
+BLACKEST = 0.95
+FINISH = 0.15
+"""What an emissivity of a deck is good to, relative. [-]"""
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where a coefficient was found.
+
+    Parameters
+    ----------
+    difference : float      Of temperature between its ends, geometric mean weighted by the heat that flows. [K]
+    level : float           Mean temperature of its ends, weighted likewise. [K]
+    """
+
+    difference: float
+    level: float
+
+    def __str__(self) -> str:
+        """Return them in words."""
+        return f"{self.difference:.2g} K at {self.level - 273.15:.0f} degC"
+
+
+@dataclass(frozen=True)
+class CoefficientMode:
+    """One way in which a coefficient may differ from a constant.
+
+    Parameters
+    ----------
+    path : str      Of the conductor.
+    kind : str      'difference' (grows with a power of the difference of temperature) or 'level' (part of it is radiation).
+    mean, sd : float    Of the exponent, or of the radiative share, over what is possible. [-]
+    ends : (str, str)
+    watts : Table   What a unit of it adds to the heat from the first end to the second. [W]
+    """
+
+    path: str
+    kind: str
+    mean: float
+    sd: float
+    ends: tuple[str, str]
+    watts: Table
+
+    def names(self, boundaries: Sequence[str]) -> list[str]:
+        """Return the loads that stand for it, one per end that is no boundary."""
+        ends = zip(("from", "to"), self.ends, strict=True)
+        return [f"pattern {self.kind} {which} {self.path}" for which, n in ends if n not in boundaries]
+
+
+def constant_coefficients(network: Network) -> dict[str, FlatConductor]:
+    """Return path -> conductor, of those whose constant coefficient stands for convection, or convection and radiation."""
+    return {c.path: c for c in network.flat.conductors if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)}
+
+
+def coefficient_path(c: FlatConductor) -> str:
+    """Return the path of a conductor's coefficient."""
+    return c.fields["effective_htc" if c.kind == "effective" else "htc"]
+
+
+@dataclass(frozen=True, eq=False)
+class FlowHistory:
+    """The course of a conductor over time: differences and levels of its ends [K], and its heat flow [W]."""
+
+    first: Array
+    second: Array
+    heat: Array
+
+    @property
+    def difference(self) -> Array:
+        """Difference of temperature (times,), without sign. [K]"""
+        return np.abs(self.first - self.second)
+
+    @property
+    def level(self) -> Array:
+        """Mean temperature (times,). [K]"""
+        return 0.5 * (self.first + self.second)
+
+
+def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> tuple[Array, dict[str, FlowHistory]]:
+    """Return times [s], and path -> course of every constant coefficient that acts in a run at some values of its free names."""
+    end = wiring.scenario.seconds
+    times = np.linspace(0.0, end, POINTS)
+    a = engine.started(wiring.assemble(x, False))
+    answer = engine.integrate(a, times, a.reduced.nodes, end, options)
+    traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
+    known = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
+    flows = wiring.conductor_flows(a.numbers, known, times)
+    forms: dict[str, list[str]] = {}
+    for row in a.numbers.conductors:
+        forms.setdefault(row.name, []).append(row.form if value_of(row.coefficients[0]) else "")
+    wanted = constant_coefficients(wiring.network)
+    return times, {
+        p: FlowHistory(known[c.ends[0]], known[c.ends[1]], flows[p])
+        for p, c in wanted.items()
+        if forms.get(p) == ["linear"] and c.ends[0] != c.ends[1]
+    }
+
+
+def ending_settled(course: FlowHistory, first: float, second: float) -> FlowHistory:
+    """Return a course that ends where it would settle, at temperatures of its ends [K]."""
+    before = course.first[-1] - course.second[-1]
+    heat = course.heat[-1] * (first - second) / before if abs(before) > 1e-12 else 0.0
+    return FlowHistory(
+        *(np.append(x[:-1], y) for x, y in zip((course.first, course.second, course.heat), (first, second, heat), strict=True))
+    )
+
+
+def conditions_of(found: Sequence[Mapping[str, FlowHistory]]) -> dict[str, OperatingPoint]:
+    """Return path -> the conditions over several runs, weighted by the heat that flows."""
+    out = {}
+    for path in dict.fromkeys(p for run in found for p in run):
+        parts = [run[path] for run in found if path in run]
+        heat, difference, level = (np.concatenate(x) for x in zip(*((np.abs(c.heat), c.difference, c.level) for c in parts), strict=True))
+        if heat.sum() > 0:
+            seen = heat > 0
+            mean = float(np.exp(heat[seen] @ np.log(np.maximum(difference[seen], 1e-9)) / heat[seen].sum()))
+            out[path] = OperatingPoint(mean, float(heat @ level / heat.sum()))
+    return out
+
+
+def patterns_of(
+    network: Network, times: Array, found: Mapping[str, FlowHistory], reference: Mapping[str, OperatingPoint], values: Mapping[str, Any]
+) -> list[CoefficientMode]:
+    """Return the patterns of every constant coefficient in a run, about the conditions where each was found; values of parameters in SI."""
+    radiating = {c.path.removesuffix(".radiation") for c in network.flat.conductors if c.kind == "radiation"}
+    out = []
+    for path, c in constant_coefficients(network).items():
+        if path not in found or path not in reference:
+            continue
+        course, at = found[path], reference[path]
+        share, spread = (0.0, 0.0) if path in radiating else _radiative(c, value_of(values[coefficient_path(c)]), at, values)
+        grown = np.log(np.maximum(course.difference, SMALL * at.difference) / at.difference)
+        # of a coefficient that is part radiation only the rest grows with the difference
+        rest, square = 1.0 - share, (1.0 - share) ** 2 + spread**2
+        sd = float(np.sqrt(EXPONENT**2 * square / 3.0 - (EXPONENT * rest / 2.0) ** 2))
+        out.append(CoefficientMode(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, Table(times, course.heat * grown, False)))
+        if share > 0.0:
+            warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
+            out.append(CoefficientMode(path, "level", share, spread, c.ends, Table(times, course.heat * warmer, False)))
+    return out
+
+
+def _radiative(c: FlatConductor, coefficient: float, at: OperatingPoint, values: Mapping[str, Any]) -> tuple[float, float]:
+    """Return mean and standard deviation of the part of a coefficient that is radiation: any emissivity, or the one that the deck gives."""
+    black = 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9)
+    if c.emissivity:
+        known = min(1.0, value_of(values[c.emissivity]) * black)
+        return known, FINISH * known
+    most = min(1.0, BLACKEST * black)
+    return 0.5 * most, most / float(np.sqrt(12.0))
+
+
+def with_patterns(network: Network, scenario: Scenario, patterns: Sequence[CoefficientMode]) -> tuple[Network, Scenario]:
+    """Return a network and its scenario with a pair of loads for every pattern; ``scale.<load>`` frees their size."""
+    loads, powers = [], {}
+    for p in patterns:
+        for name in p.names(network.boundaries):
+            away = " from " in name
+            node = p.ends[0] if away else p.ends[1]
+            loads.append(FlatLoad(name, node, node, {}))
+            powers[name] = replace(p.watts, values=-p.watts.values) if away else p.watts
+    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
+    return replace(network, flat=flat), scenario.with_(loads=powers)
+
+
+THINNEST: Final = 10e-6
+"""Effective distance of machined surfaces that touch, from which the most that gas can carry follows. Yovanovich has 1.53 s (P/H)^-0.097,
+3 to 15 micrometres for roughness s of 1 to 5 (Bejan and Kraus, Heat Transfer Handbook, 2003, section 4.16). [m]"""
+MOST: Final = float(GASES["air"].k(REFERENCE)) / THINNEST
+"""The most that gas between faces can carry. [W/(m^2 K)]"""
+
+
+def bare_contacts(network: Network) -> list[FlatConductor]:
+    """Return the contacts whose deck does not say what of them is gas: touching spots and gas between in one conductance."""
+    own = network.flat.conductors
+    return [c for c in own if c.kind == "contact" and "contact_conductance" in c.fields and "gap" not in c.fields]
+
+
+def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
+    """Return the contacts of which some record, by the states of its gases, had another gas or pressure than air on the ground."""
+    return tuple(c.path for c in bare_contacts(network) if any(m.changed(g) for m in media for g in _gases(network, c)))
+
+
+def losing_gas(network: Network, media: Media, seen: Sequence[str]) -> list[FlatConductor]:
+    """Return the contacts whose gas a scenario changes, less those (`seen`) of which a record had told both parts apart."""
+    return [c for c in bare_contacts(network) if c.path not in seen and any(media.changed(g) for g in _gases(network, c))]
+
+
+def _gases(network: Network, joint: FlatConductor) -> list[str]:
+    """Return the gases about the parts that a joint holds together; every gas of the model where these have no surface."""
+    skins = [c for c in network.flat.conductors if c.kind in ("convection", "effective")]
+    parts = {end for c in network.flat.conductors if c.kind == "contact" and set(c.ends) & set(joint.ends) for end in c.ends}
+    near = [c.gas for c in skins if set(c.ends) & parts]
+    return list(dict.fromkeys(near or [c.gas for c in skins] or network.boundaries))
+
+
 KEY = "structural"
 """Where the provenance of fitted values keeps it."""
 Key = tuple[str, str]
@@ -57,7 +260,7 @@ class Discrepancy:
     separated : tuple of str        Contacts of which some record had another gas, or another pressure of it, than air on the ground.
     """
 
-    conditions: Mapping[str, Conditions]
+    conditions: Mapping[str, OperatingPoint]
     means: Mapping[Key, float]
     sizes: Mapping[Key, float]
     names: tuple[str, ...]
@@ -87,7 +290,7 @@ class Discrepancy:
         modes, names = data["modes"], tuple(str(n) for n in data["names"])
         response = np.array([[float(x) for x in m["response"]] for m in modes]).reshape(len(modes), len(names)).T
         return cls(
-            {p: Conditions(float(d), float(t)) for p, (d, t) in data["conditions"].items()},
+            {p: OperatingPoint(float(d), float(t)) for p, (d, t) in data["conditions"].items()},
             {(m["path"], m["kind"]): float(m["mean"]) for m in modes},
             {(m["path"], m["kind"]): float(m["sd"]) for m in modes},
             names,
@@ -178,7 +381,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     response = _response(fit, problem, at, ways, list(sizes))
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
-    misfit = misfit_found(problem, fit.wander) if fit.wander is not None else {}
+    misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
@@ -187,7 +390,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
 
-def _surfaces(seen: Sequence[Mapping[str, Course]]) -> dict[str, tuple[float, float]]:
+def _surfaces(seen: Sequence[Mapping[str, FlowHistory]]) -> dict[str, tuple[float, float]]:
     """Return conductor -> mean temperatures of its ends over the records, weighted by the square of their difference. [K]"""
     out = {}
     for path in dict.fromkeys(p for run in seen for p in run):
@@ -199,7 +402,7 @@ def _surfaces(seen: Sequence[Mapping[str, Course]]) -> dict[str, tuple[float, fl
     return out
 
 
-def _runs(problem: Problem, at: Array) -> list[tuple[Array, dict[str, Course]]]:
+def _runs(problem: Problem, at: Array) -> list[tuple[Array, dict[str, FlowHistory]]]:
     """Return times and the course of every constant coefficient, per record; no run where there is none."""
     if not any(constant_coefficients(e.network) for e in problem.experiments):
         return [(np.zeros(0), {}) for _ in problem.experiments]
@@ -213,27 +416,27 @@ def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:
     return {path for path, c in constant_coefficients(network).items() if coefficient_path(c) in touched}
 
 
-def found_at(values: FittedValues) -> dict[str, Conditions]:
+def found_at(values: FittedValues) -> dict[str, OperatingPoint]:
     """Return path of a conductor -> where its coefficient was found, as fitted values keep it."""
     return _conditions(values.provenance)
 
 
-def _conditions(provenance: Mapping[str, Any]) -> dict[str, Conditions]:
-    return {p: Conditions(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
+def _conditions(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]:
+    return {p: OperatingPoint(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
-def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[Pattern]], keys: Sequence[Key]) -> Array:
+def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[CoefficientMode]], keys: Sequence[Key]) -> Array:
     """Return d fitted / d pattern (unknowns, patterns): ``-C J'K``, K the derivatives of the weighted residuals to the patterns."""
     size = len(problem.unknowns)
     if not size or not keys:
         return np.zeros((size, len(keys)))
-    targets: dict[Key, list[Target]] = {k: [] for k in keys}
+    targets: dict[Key, list[Influence]] = {k: [] for k in keys}
     experiments = []
     for i, (experiment, several) in enumerate(zip(problem.experiments, ways, strict=True)):
         network, scenario = with_patterns(experiment.network, experiment.scenario, several)
         experiments.append(replace(experiment, network=network, scenario=scenario))
         for p in several:
-            targets[p.path, p.kind] += [Target(i, f"scale.{n}") for n in p.names(network.boundaries)]
+            targets[p.path, p.kind] += [Influence(i, f"scale.{n}") for n in p.names(network.boundaries)]
     more = tuple(Unknown(f"{kind} {path}", "pattern", tuple(t), 0.0) for (path, kind), t in targets.items())
     wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
     level = max(1.0, fit.reduced_chi_square)
@@ -245,9 +448,9 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
     return np.asarray(-known @ cross / level)
 
 
-def misfit_found(problem: Problem, wander: Wander) -> dict[str, float]:
+def misfit_found(problem: Problem, autocorrelation: Autocorrelation) -> dict[str, float]:
     """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
-    slow = {(t.record, t.sensor): t.slow for t in wander.traces}
+    slow = {(t.record, t.sensor): t.correlated_variance for t in autocorrelation.traces}
     parts: dict[str, list[float]] = {}
     for e in problem.experiments:
         for o in e.observations:

@@ -1,26 +1,110 @@
-"""When a fit is refused, and in which words."""
+"""Refusals: when a fit is refused and in which words, and mistakes in the log that would explain a misfit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import combinations, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import IdentificationError
-from thermid.fit.least_squares.solve import Fit
+from thermid.errors import IdentificationError, ThermidError
+from thermid.fit.calibration import FIRST, TIMES, Calibration
+from thermid.fit.minimisation import Fit
+from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.uncertainty.grouping import Group, listed, percent, together
-from thermid.fit.uncertainty.groups import SHARE, structural_groups
-from thermid.fit.uncertainty.information import Information, elsewhere, null_space
+from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
+from thermid.fit.uncertainty.information import Information, elsewhere
+from thermid.knowledge.store import Store
+from thermid.linear_algebra import null_space, symmetric_inverse
+from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
-from thermid.units import unit
+from thermid.units import NAMES, unit
 
-if TYPE_CHECKING:
-    from thermid.fit.calibration import Calibration
-    from thermid.fit.problem.request import Request
+FAR = 25.0
+"""Weighted sum of squares per degree of freedom from which a mistake is looked for: residuals of five times the stated noise."""
+GAIN = 0.1
+"""Part of it that may be left for a mistake to be named."""
+PAIRS = 10
+STRANGE = 300.0
+"""Ratio of the power of a log and that of the deck from which one of them is in another unit."""
+FULL = 101.0
+"""Largest number that a duty cycle in per cent reaches, with what rounding adds."""
+UNITS = ((1e-3, "mW, where W were taken"), (1e3, "kW, where W were taken"))
+
+
+def mistakes(request: Request, problem: Problem, misfit: float, again: Callable[[Request], float]) -> tuple[str, ...]:
+    """Return remarks on mistakes that would explain a misfit.
+
+    Parameters
+    ----------
+    request : Request       What was asked.
+    problem : Problem       Its records, bound to the model.
+    misfit : float          Weighted sum of squares per degree of freedom that the fit left. [-]
+    again : callable        Returns that of another request.
+    """
+    if misfit < FAR:
+        return ()
+    out = []
+    for words, records in _others(request.records):
+        try:
+            left = again(replace(request, records=records, store=Store(), prior=(), seen={}))
+        except ThermidError:
+            continue
+        if left < GAIN * misfit:
+            out.append((left, f"{words} The residuals would then fall from {misfit**0.5:.2g} to {left**0.5:.2g} times the noise."))
+    return tuple(text for _, text in sorted(out)[:2])
+
+
+def strange_powers(problem: Problem) -> tuple[str, ...]:
+    """Return questions about logged powers that are far from the deck's: is their unit right?
+
+    Far is 300 times, and five times where nobody said the unit of the column: a duty cycle in per cent then counts as watts.
+    """
+    out: dict[str, str] = {}
+    for e in problem.experiments:
+        values = e.network.flat.parameters.evaluate({})
+        decks = {row.path: float(values[row.fields["power"]]) for row in e.network.flat.loads if "power" in row.fields}
+        for c in (c for c in e.record.channels.values() if c.role == "load" and c.quantity == "power" and c.valid.any()):
+            path = e.network.flat.names.model.canonical(c.target or "")
+            logged, deck = float(abs(c.values[c.valid]).max()), decks.get(path, 0.0)
+            if not (logged > 0 and deck > 0):
+                continue
+            gives = f"{FIRST}'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: "
+            if not 1.0 / STRANGE < logged / deck < STRANGE:
+                out[c.name] = f'{gives}is its unit right? A column in mW has unit = "mW" in its table, or [mW] in its header.'
+            elif c.assumed and logged / deck >= TIMES and logged <= FULL:
+                out[c.name] = (
+                    f"{gives}is it a duty cycle in per cent? Nothing says its unit, and watts were taken. Give full_scale = '... [W]', its "
+                    'power at 100 %, or, if these are watts, unit = "W".'
+                )
+    return tuple(out.values())
+
+
+def _others(records: tuple[Record, ...]) -> Iterator[tuple[str, tuple[Record, ...]]]:
+    """Yield what may have been mistaken, as a question, and the records as they would then be."""
+    channels = [c for r in records for c in r.channels.values()]
+    nodes = dict.fromkeys(c.name for c in channels if c.quantity == "temperature" and c.role in ("auto", "node"))
+    for a, b in islice(combinations(nodes, 2), PAIRS):
+        yield f"are '{a}' and '{b}' exchanged?", tuple(_exchanged(r, a, b) for r in records)
+    powers = [c.name for c in channels if c.quantity == "power"]
+    named = ", ".join(f"'{p}'" for p in dict.fromkeys(powers))
+    for factor, mistaken in UNITS if powers else ():
+        yield f"was {named} logged in {mistaken}?", tuple(r.with_channels(*_scaled(r, factor)) for r in records)
+
+
+def _exchanged(record: Record, a: str, b: str) -> Record:
+    if a not in record.channels or b not in record.channels:
+        return record
+    one, other = record.channels[a], record.channels[b]
+    read = [replace(one, values=other.values, valid=other.valid, masks=other.masks)]
+    return record.with_channels(*read, replace(other, values=one.values, valid=one.valid, masks=one.masks))
+
+
+def _scaled(record: Record, factor: float) -> list[Channel]:
+    return [replace(c, values=factor * c.values) for c in record.channels.values() if c.quantity == "power"]
+
 
 Array = NDArray[np.float64]
 
@@ -87,8 +171,6 @@ def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     value = found.values[first]
     factor = other.start if group.pair == "product" else 1.0 / other.start
     of = unit(value.unit).dimension
-    from thermid.units import NAMES
-
     dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
     text = next((t for t in NAMES if unit(t).dimension == dimension), "SI")
     meaning = next((f", which sets {c.meaning}" for c in group.known if c.meaning), "")
@@ -132,7 +214,7 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
         return ""
     across = total[at, k]
-    if float(across @ np.linalg.pinv(total[np.ix_(at, at)]) @ across) < 0.5 * total[k, k]:
+    if float(across @ symmetric_inverse(total[np.ix_(at, at)]) @ across) < 0.5 * total[k, k]:
         return ""
     share = across**2 / (np.diag(total)[at] * total[k, k])
     behind = [problem.unknowns[j] for j, s in zip(at, share, strict=True) if s > 0.1]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.extras import package
-from thermid.fit.least_squares.population import box_of
+from thermid.fit.minimisation import box_of, package
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.solve import minimise
+from thermid.fit.minimisation import minimise
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.fit.uncertainty.information import inverse
+from thermid.linear_algebra import covariance
 from thermid.units import unit
 
 Array = NDArray[np.float64]
@@ -143,7 +143,7 @@ def spread_of(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -
 
         def excess(log_spread: float, k: int = k, error: float = float(error)) -> float:
             rows = np.concatenate([data / np.exp(log_spread), priors])
-            return float(0.5 * np.log(inverse(rows)[k, k]) - np.log(error))
+            return float(0.5 * np.log(covariance(rows)[k, k]) - np.log(error))
 
         low, high = -3.0, 8.0
         out.append(float(np.exp(brentq(excess, low, high, xtol=1e-4))) if excess(low) < 0 < excess(high) else 1.0)

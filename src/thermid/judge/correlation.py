@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty.grouping import listed
+from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.judge.metrics import Residuals
 from thermid.knowledge.store import model_standing
@@ -23,7 +23,7 @@ from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.record.windows import gap_from, usual_step
 from thermid.model.parts.standing import UNJUDGED, Standing
-from thermid.sourced.marks import weigh
+from thermid.sourced import weigh
 
 Array = NDArray[np.float64]
 Window = tuple[float, float]

@@ -14,7 +14,7 @@ from thermid.errors import IdentificationError, ScenarioError, nearest
 from thermid.judge.metrics import METRICS, Residuals, metric, metric_keys
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.sourced.marks import check_mark
+from thermid.sourced import check_mark
 
 KINDS = ("steady", "transient")
 EACH = {"steady": "mean", "transient": "largest"}

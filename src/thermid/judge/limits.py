@@ -17,7 +17,7 @@ from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution, Trace
 from thermid.simulation.solver.extremes import Dense, resolved
-from thermid.sourced.marks import check_mark
+from thermid.sourced import check_mark
 from thermid.toml_files import read_toml
 from thermid.units import TEMPERATURE
 

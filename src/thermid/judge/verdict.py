@@ -17,17 +17,16 @@ from thermid.errors import DeckError, IdentificationError, nearest
 from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import as_found
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import Block
-from thermid.fit.problem.sensor_parts import as_found
-from thermid.fit.problem.statistics import SensorStatistics
+from thermid.fit.problem.residuals import SensorStatistics, SensorTrace
 from thermid.judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.judge.metrics import Residuals
 from thermid.measure import Record
 from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.sourced.marks import VERDICTS, weigh
+from thermid.sourced import VERDICTS, weigh
 from thermid.units import counted
 
 FILE = "looks.json"
@@ -135,7 +134,7 @@ class Verdict:
         return weigh([c.passed for c in self.checks]) if self.prediction is not None else None
 
     @property
-    def blocks(self) -> Sequence[Block]:
+    def blocks(self) -> Sequence[SensorTrace]:
         """Measured and predicted readings; none where it was not judged."""
         return self.prediction.blocks if self.prediction is not None else ()
 
@@ -236,7 +235,7 @@ def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdic
     return Verdict(calibration.stage, record, (), {}, (), None, title, standing=calibration.standing)
 
 
-def _deviation(block: Block) -> Deviation:
+def _deviation(block: SensorTrace) -> Deviation:
     """Every reading of one sensor of a record, beside what the model says of it."""
     residuals = Residuals.of(block.times, block.residuals)
     means = (float(block.measured.mean()), float(block.predicted.mean()))

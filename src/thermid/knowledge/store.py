@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import parse
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
+from thermid.linear_algebra import symmetric_inverse
 from thermid.model.parts.parameter import Parameter, exact
 from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import depth, inside
@@ -365,7 +366,7 @@ def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
         return states[0], rows[0]
     order = sorted(range(len(states)), key=lambda k: states[k].origin.stage)
     states, rows = [states[k] for k in order], rows[order]
-    scores = np.linalg.pinv(rows @ rows.T, hermitian=True).sum(axis=0)
+    scores = symmetric_inverse(rows @ rows.T).sum(axis=0)
     shares = scores / scores.sum() if scores.sum() > 0 else np.full(len(states), 1.0 / len(states))
     fitted = float(shares @ [s.fitted for s in states])
     history = tuple(dict.fromkeys(o for s in states for o in (*s.history, s.origin)))

@@ -19,6 +19,7 @@ from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge.sources import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source
 from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.linear_algebra import square_root
 from thermid.model.parts.parameter import Parameter, exact
 from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.replacement import Dropped
@@ -486,7 +487,4 @@ def rooted(covariance: Array, key: str, words: str) -> tuple[Array, tuple[Source
     """Return a root of a covariance and its columns as sources; a value without a finite error gets a row of zeros."""
     known = np.isfinite(np.diag(covariance))
     whole = np.where(np.outer(known, known) & np.isfinite(covariance), covariance, 0.0)
-    scale = np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))
-    sizes, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(sizes, 0.0))
-    return root, tuple(Source(f"{key}:{k}", "data", Normal(), words) for k in range(len(root)))
+    return square_root(whole), tuple(Source(f"{key}:{k}", "data", Normal(), words) for k in range(len(whole)))

@@ -1,6 +1,6 @@
 """Records of measured temperatures: a record and its channels, readers of logs, steadiness of readings. It knows nothing of models.
 
-In: logs in the formats of laboratories, arrays, weather files. Out: a `Record`, a plain table, a `Weather`; how steady readings are, with
+In: logs in the formats of laboratories, arrays. Out: a `Record`, a plain table; how steady readings are, with
 the error of that.
 May import: `measure.amounts`, `measure.readers`, `measure.record` and the foundation.
 """
@@ -13,5 +13,3 @@ from thermid.measure.record.record import Record as Record
 from thermid.measure.record.record import Table as Table
 from thermid.measure.record.sensor import SensorCertificate as SensorCertificate
 from thermid.measure.record.sensor import SensorPart as SensorPart
-from thermid.measure.weather import Weather as Weather
-from thermid.measure.weather import read_weather as read_weather

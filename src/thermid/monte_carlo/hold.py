@@ -1,31 +1,110 @@
-"""`hold`: how long limits are kept, with which probability, and what decides it."""
+"""Hold time: how long limits are kept, with which probability, and what decides it; and the file that asks for it."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError
+from thermid.campaign.hand import filed
+from thermid.errors import DeckError, ScenarioError, nearest
 from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.values import FittedValues
+from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.tree.model import Model
 from thermid.monte_carlo.drivers import Driver, drivers_of
-from thermid.monte_carlo.hold_times import clock, first_crossings, hold_time, proportion
-from thermid.monte_carlo.uncertain import UncertainRuns
+from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.structural import MISFIT
+from thermid.reduction.macro import macro_model
+from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.extremes import MemberTurnings
+from thermid.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
 from thermid.units import TEMPERATURE
 
 Array = NDArray[np.float64]
+MONTE_CARLO = 0.95
+"""Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
 SIDES = {"highest": 1.0, "lowest": -1.0}
 NAMED = 0.05
 """Share below which a driver is not named in a sentence. [-]"""
+
+
+def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:
+    """Return when each member is above zero first, on straight lines between what is known; infinite where never. [s]
+
+    Parameters
+    ----------
+    times : array (times,)              [s]
+    above : array (members, times)      Samples.
+    turnings : MemberTurnings           Turning points between them, in the same measure; a peak between two samples counts.
+    """
+    over = above > 0.0
+    k = over.argmax(axis=1)
+    out = np.where(over.any(axis=1), times[k], np.inf)
+    rows = np.flatnonzero(np.isfinite(out) & (k > 0))
+    before, after = above[rows, k[rows] - 1], above[rows, k[rows]]
+    out[rows] = times[k[rows] - 1] + (times[k[rows]] - times[k[rows] - 1]) * (-before) / (after - before)
+    if turnings is None:
+        return np.asarray(out)
+    peaks = np.flatnonzero(turnings.kelvin > 0.0)
+    members, first = np.unique(turnings.members[peaks], return_index=True)
+    first = peaks[first]  # the first turning point above zero of each member that has one
+    last = np.where(over[members].any(axis=1), times[k[members]], np.inf)
+    early = turnings.times[first] < last
+    for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
+        time, high = float(turnings.times[point]), float(turnings.kelvin[point])
+        sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
+        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
+        if point and turnings.members[point - 1] == member:
+            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
+        start, low = max(known, default=(time, high))
+        out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
+    return np.asarray(out)
+
+
+def hold_time(crossings: Array, confidence: float) -> tuple[float, tuple[float, float]]:
+    """Return the time until which a share of the members keeps its limit, and its interval from order statistics. [s]"""
+    from scipy.special import bdtr
+
+    ordered, n, p = np.sort(crossings), crossings.size, 1.0 - confidence
+    rank = max(math.floor(p * n + 1e-9), 1)
+    below = bdtr(np.arange(n + 1, dtype=float), n, p)  # chance that at most so many members are before the true quantile
+    low, high = (int(np.searchsorted(below, 0.5 * (1.0 + side * MONTE_CARLO))) for side in (-1.0, 1.0))
+    return float(ordered[rank - 1]), (float(ordered[max(low, 1) - 1]), float(ordered[min(high + 1, n) - 1]))
+
+
+def proportion(hits: int, members: int) -> tuple[float, float]:
+    """Return the interval of a probability of which so many hits were seen (Clopper and Pearson). [-]"""
+    from scipy.special import betaincinv
+
+    tail = (1.0 - MONTE_CARLO) / 2.0
+    low = float(betaincinv(hits, members - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, members - hits, 1.0 - tail)) if hits < members else 1.0
+    return low, high
+
+
+def clock(seconds: float) -> str:
+    """Return a time in hours and whole minutes, rounded down: 3 h 10 min.
+
+    >>> clock(11459.0), clock(540.0)
+    ('3 h 10 min', '9 min')
+    """
+    if math.isinf(seconds):
+        return "beyond the scenario"
+    minutes = int(seconds // 60)
+    hours, rest = divmod(minutes, 60)
+    return f"{hours} h {rest} min" if hours else f"{rest} min"
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,3 +372,127 @@ def _filled(
 def driven_by(point: HoldPoint) -> str:
     """Return what drives a limit, in words."""
     return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= NAMED)
+
+
+QUESTION: Mapping[str, tuple[type, ...]] = {
+    "title": (str,),
+    "model": (str,),
+    "unit": (str,),
+    "scenario": (str, list),
+    "values": (str, list),
+    "members": (int,),
+    "seed": (int,),
+    "every": (str,),
+    "confidence": (float,),
+    "limits": (dict,),
+    "spread": (dict,),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class HoldQuestion:
+    """How long a model keeps its limits in a scenario.
+
+    Parameters
+    ----------
+    model : Model
+    scenarios : tuple of Scenario   Several are draws of the weather.
+    values : tuple                  What fits found and left open.
+    unit : str                      The submodel that is the unit; empty for a model without a host.
+    limits, spread : dict           As in `hold` and `uncertain_runs`.
+    members, seed : int
+    every : str                     Interval of the stored samples; empty for 121 of them.
+    confidence : float              [-]
+    remarks : tuple of str          What a reader must know first of the values.
+    """
+
+    model: Model
+    scenarios: tuple[Scenario, ...]
+    values: tuple[FittedValues, ...]
+    unit: str
+    limits: Mapping[str, Any]
+    spread: Mapping[str, Any]
+    members: int
+    seed: int
+    every: str
+    confidence: float
+    remarks: tuple[str, ...] = ()
+
+    @takes_objects
+    def run(
+        self,
+        *,
+        n: int = 0,
+        folder: str | os.PathLike[str] | None = None,
+        workers: int = 1,
+        cluster: str = "",
+        progress: Progress | None = None,
+    ) -> tuple[UncertainRuns, Hold]:
+        """Return the runs, and how long the limits are kept in them; arguments as in `uncertain_runs`."""
+        limits_of(self.limits, self.model.title)
+        check_members(n or self.members, self.confidence, self.model.title)
+        runs = uncertain_runs(
+            self.model,
+            self.scenarios,
+            self.values,
+            at=self.unit,
+            spread=self.spread,
+            n=n or self.members,
+            seed=self.seed,
+            nodes=list(self.limits),
+            every=self.every or None,
+            folder=folder,
+            workers=workers,
+            cluster=cluster,
+            progress=progress,
+        )
+        runs = replace(runs, warnings=(*self.remarks, *runs.warnings))
+        return runs, hold(runs, self.limits, confidence=self.confidence)
+
+
+@takes_objects
+def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
+    """Return the hold question of a TOML file; files that it names are relative to it and stay inside the project.
+
+    Where it names a `unit`, every value of the host around it must have a source; see `macro_model`.
+
+    Raises
+    ------
+    DeckError   When a key is unknown, missing or of another kind, or there is no limit.
+    """
+    target = Path(path)
+    data, lines = read_toml(target)
+    refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
+    where = Places(target.name, lines)
+    for key, value in data.items():
+        if key not in QUESTION:
+            raise DeckError(f"a hold question has no '{key}'.{nearest(key, QUESTION)} It has {', '.join(QUESTION)}.", where(key))
+        if not isinstance(value, QUESTION[key]) or isinstance(value, bool):
+            raise DeckError(f"this is no {' or '.join(t.__name__ for t in QUESTION[key])}: {value!r}.", where(key))
+    for key in ("model", "scenario", "limits"):
+        if not data.get(key):
+            raise DeckError(f"a hold question needs '{key}'.", target.name)
+    if data.get("members", 1) < 1:
+        raise DeckError("a campaign of runs needs at least one member.", where("members"))
+
+    def files(key: str) -> list[Path]:
+        given = data.get(key, [])
+        return [resolve_inside(target.parent, name, where(key)) for name in ([given] if isinstance(given, str) else given)]
+
+    unit = data.get("unit", "")
+    (deck,) = files("model")
+    model = macro_model(deck, at=unit) if unit else load_model(deck)
+    found = [filed(f, model, at=unit) for f in files("values")]
+    return HoldQuestion(
+        model,
+        tuple(load_scenario(f) for f in files("scenario")),
+        tuple(x.values for x in found),
+        unit,
+        data["limits"],
+        data.get("spread", {}),
+        data.get("members", 10_000),
+        data.get("seed", 0),
+        data.get("every", ""),
+        data.get("confidence", 0.95),
+        tuple(line for x in found for line in x.lines),
+    )

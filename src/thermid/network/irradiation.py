@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
-from thermid.model.laws.signal import Constant, Mixed, Signal, Table, added, signal
+from thermid.model.laws.signal import Constant, Mixed, Signal, added, signal
 from thermid.model.parts.facing import Facing
 from thermid.model.tree.flat import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.exposure import on_plane, sky_share
 from thermid.units import TEMPERATURE
 
 Array = NDArray[np.float64]
@@ -93,83 +93,35 @@ class Irradiation:
         return added(*parts) if parts else None
 
 
-@dataclass(frozen=True, eq=False)
-class OpenSky:
-    """Sun and sky over a place: falls on every surface outdoors as the surface faces it.
+class Sky(ABC):
+    """Sun and sky over a place: falls on every surface outdoors as the surface faces it; `air` is the boundary that is the open air."""
 
-    Parameters
-    ----------
-    times : array (samples,)                            From the start of the scenario. [s]
-    direct_normal, diffuse, total : array (samples,)    Beam, and diffuse and global on the horizontal. [W/m^2]
-    zenith, azimuth : array (samples,)                  Of the sun. [deg]
-    downward : Signal or None                           Long-wave radiation on the horizontal; None where none is counted. [W/m^2]
-    air : str                                           The boundary that is the open air; the ground is as warm as it.
-    albedo : float                                      Of the ground. [-]
-    path : SkyPath or None                              What works the same sky out for a run that begins at another time.
-    """
-
-    times: Array
-    direct_normal: Array
-    diffuse: Array
-    total: Array
-    zenith: Array
-    azimuth: Array
-    downward: Signal | None
     air: str
-    albedo: float = 0.2
-    path: SkyPath | None = None
 
-    def __post_init__(self) -> None:
-        """Refuse a ground that does not exist."""
-        if not 0.0 <= self.albedo <= 1.0:
-            raise ScenarioError(f"an albedo of {self.albedo:g} does not exist; give 0 to 1.", "sun")
+    @property
+    @abstractmethod
+    def radiates(self) -> bool:
+        """Whether its long-wave radiation is counted."""
 
+    @abstractmethod
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
-        beam = Table(self.times, self.direct_normal)
-        return {"sun": beam} | ({"downward": self.downward} if self.downward is not None else {})
 
-    def mapped(self, law: Callable[[Signal], Signal]) -> OpenSky:
-        """Return the sky with what a law makes of its signals; the sun keeps its path."""
-        return replace(self, downward=None if self.downward is None else law(self.downward))
+    @abstractmethod
+    def mapped(self, law: Callable[[Signal], Signal]) -> Sky:
+        """Return the sky with what a law makes of its signals."""
 
-    def shifted(self, seconds: float) -> OpenSky:
-        """Return the sky from a time on: worked out anew where its path is known, else moved in time."""
-        if self.path is not None:
-            return self.path.sky(seconds)
-        return replace(self.mapped(lambda s: s.shifted(seconds)), times=self.times - seconds)
-
-    def sun(self, facing: Facing | None) -> Signal | None:
-        """Return the solar radiation on a surface. [W/m^2]"""
-        where = facing or Facing(0.0)
-        parts = (self.zenith, self.azimuth, self.direct_normal, self.diffuse, self.total)
-        return Table(self.times, on_plane(where.tilt, where.azimuth, *parts, self.albedo))
-
-    def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
-        """Return what the sky sends less than surroundings as warm as the air. [W/m^2]"""
-        if self.downward is None or around is None:
-            return None
-        share = sky_share((facing or Facing(0.0)).tilt)
-        return Mixed(Received(share), (self.downward, around))
-
-
-class SkyPath(Protocol):
-    """What works out the sun and the sky over a place for a run that begins at another time."""
-
-    def sky(self, seconds: float) -> OpenSky:
+    @abstractmethod
+    def shifted(self, seconds: float) -> Sky:
         """Return the sky of a run that begins later. [s]"""
-        ...
 
+    @abstractmethod
+    def sun(self, facing: Facing | None) -> Signal | None:
+        """Return the solar radiation on a surface, or None. [W/m^2]"""
 
-@dataclass(frozen=True)
-class Received:
-    """What the sky sends a surface less than surroundings as warm as the air; `share` of the view is sky. [-]"""
-
-    share: float
-
-    def __call__(self, downward: Array, around: Array) -> Array:
-        """Return share (downward - sigma T^4) (times,). [W/m^2]"""
-        return self.share * (downward - STEFAN_BOLTZMANN * around**4)
+    @abstractmethod
+    def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
+        """Return the long-wave radiation beside that of the surroundings, or None. [W/m^2]"""
 
 
 @dataclass(frozen=True)
@@ -183,7 +135,7 @@ class Less:
         return self.share * STEFAN_BOLTZMANN * (sky**4 - around**4)
 
 
-def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | OpenSky]) -> tuple[FlatLoad, ...]:
+def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple[FlatLoad, ...]:
     """Return the loads that surfaces take from what falls on them; `*` stands for every surface outdoors.
 
     Raises
@@ -192,10 +144,10 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | OpenSky]) -> t
     DeckError           When a surface under the sun has no absorptance, or under a sky no emissivity or facing.
     """
     canonical = flat.names.model.canonical
-    given: dict[str, Irradiation | OpenSky] = {}
+    given: dict[str, Irradiation | Sky] = {}
     if "*" in irradiation:
         sky = irradiation["*"]
-        if not isinstance(sky, OpenSky):
+        if not isinstance(sky, Sky):
             raise ScenarioError("radiation on '*' is an open sky; on a plane of its own it is given by the surface's name.", "irradiation")
         given = dict.fromkeys(_outdoors(flat, sky), sky)
     for raw, one in irradiation.items():
@@ -207,7 +159,7 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | OpenSky]) -> t
     return tuple(load for path, one in given.items() for load in _loads(path, flat.faces[path], one))
 
 
-def _outdoors(flat: Flat, sky: OpenSky) -> list[str]:
+def _outdoors(flat: Flat, sky: Sky) -> list[str]:
     """Return the surfaces that look somewhere or stand in the open air."""
     air = flat.names.find(sky.air, "sun")
     out = [path for path, face in flat.faces.items() if face.facing is not None or face.to == air]
@@ -222,16 +174,17 @@ def _outdoors(flat: Flat, sky: OpenSky) -> list[str]:
     return out
 
 
-def _loads(path: str, face: FlatSurface, given: Irradiation | OpenSky) -> list[FlatLoad]:
+def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatLoad]:
     """Return the loads of one surface: solar by absorptance, long-wave by emissivity, a stream as it is."""
-    outdoors = isinstance(given, OpenSky)
-    stream = None if isinstance(given, OpenSky) else given.stream
-    solar = outdoors or any(getattr(given, name) is not None for name in SOLAR)
-    wave = given.downward is not None if isinstance(given, OpenSky) else given.infrared is not None or given.sky is not None
+    if isinstance(given, Sky):
+        outdoors, stream, solar, wave = True, None, True, given.radiates
+    else:
+        outdoors, stream = False, given.stream
+        solar, wave = any(getattr(given, name) is not None for name in SOLAR), given.infrared is not None or given.sky is not None
     if solar and "absorptance" not in face.fields:
         raise DeckError(f"'{path}' stands in the sun and has no absorptance. Give it one, or 0 where no sun can reach it.", face.where)
     out = [_load(path, face, "sun", "absorptance", partial(_sun, given, face.facing))] if solar else []
-    if wave and not (isinstance(given, OpenSky) and face.sees != face.to):
+    if wave and not (outdoors and face.sees != face.to):
         if "emissivity" not in face.fields:
             message = f"'{path}' meets long-wave radiation and has no emissivity. Give it one or a finish, or leave the sky out."
             raise DeckError(message, face.where)
@@ -248,7 +201,7 @@ def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> Fla
     return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux)
 
 
-def _sun(given: Irradiation | OpenSky, facing: Facing | None, boundaries: Given) -> Signal:
+def _sun(given: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:
     return given.sun(facing) or Constant(0.0)
 
 
@@ -256,7 +209,7 @@ def _stream(given: Signal, boundaries: Given) -> Signal:
     return given
 
 
-def _longwave(given: Irradiation | OpenSky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
+def _longwave(given: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
     try:
         return given.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
     except ThermidError as error:

@@ -19,7 +19,7 @@ from thermid.model.parts.elements import MadeIn
 from thermid.model.parts.kinds import Law
 from thermid.model.tree.flat import FlatConductor
 from thermid.network.environment import GROUND, Environment
-from thermid.network.irradiation import Irradiation, OpenSky
+from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.pressure import levels_of, sampled, shares, stream, vented
 from thermid.network.rarefied import GasState, correlated, gap, thinned
 from thermid.network.rows import ConductorRow
@@ -50,7 +50,7 @@ class Media:
 
     environments: Mapping[str, Environment] = field(default_factory=dict)
     as_printed: bool = False
-    irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
+    irradiation: Mapping[str, Irradiation | Sky] = field(default_factory=dict)
     seconds: float = 0.0
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 

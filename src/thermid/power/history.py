@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, ThermidError
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import literal
 from thermid.model.parts.elements import HeatLoad
@@ -41,7 +41,7 @@ class PowerHistory:
     resolution : float              Width at half height of the kernel through which the log shows the power. [s]
     prior : str                     Random walk, or integrated random walk.
     values : dict                   What was fitted with it -> (value, standard error, unit).
-    blocks : tuple of Block         Measured and predicted readings.
+    blocks : tuple of SensorTrace         Measured and predicted readings.
     model : Model                   With the fitted values, the load a plain power.
     scenario : Scenario             What was done, with the history as the load's power.
     warnings : tuple of str         What a reader must know.
@@ -57,7 +57,7 @@ class PowerHistory:
     resolution: float
     prior: str
     values: Mapping[str, tuple[float, float, str]]
-    blocks: Sequence[Block]
+    blocks: Sequence[SensorTrace]
     model: Model = field(repr=False)
     scenario: Scenario = field(repr=False)
     warnings: tuple[str, ...] = ()

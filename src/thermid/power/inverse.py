@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.problem.gather import problem_for
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.selection import priors_of
-from thermid.fit.problem.unknowns import Target, Unknown
+from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.measure import Record
 from thermid.model.laws.signal import Constant, Table, literal
 from thermid.model.parts.elements import HeatLoad
@@ -91,7 +90,7 @@ def power_history(
     base = WIDE * max(abs(float(nominal)), 1.0)
     asked, basis = _asked(model, record, path, scenario, free, priors, knots)
     problem = problem_for(asked)
-    hats = tuple(Unknown(n, "power", (Target(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
+    hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
     problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
     found = solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))
     return _history(asked, problem, path, knots, pins, found)

@@ -14,8 +14,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.fit.calibration import Calibration
-from thermid.fit.coefficients import Conditions, coefficient_path, constant_coefficients
-from thermid.fit.discrepancy import kept_in, misfit_kept
+from thermid.fit.discrepancy import OperatingPoint, coefficient_path, constant_coefficients, kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.values import FittedValues
 from thermid.model.parts.standing import UNJUDGED, Standing
@@ -214,7 +213,7 @@ class Budget:
     targets: tuple[Target, ...]
     gain: Array
     modes: tuple[Mode, ...] = ()
-    conditions: Mapping[str, Conditions] = field(default_factory=dict)
+    conditions: Mapping[str, OperatingPoint] = field(default_factory=dict)
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED

@@ -16,6 +16,7 @@ from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.store import Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
+from thermid.linear_algebra import square_root
 from thermid.model.parts.standing import Standing, worst
 from thermid.model.tree.model import Model
 
@@ -205,10 +206,6 @@ def instruments_of(known: Known) -> Rows:
 
 def normal_sources(name: str, covariance: Array, kind: Kind) -> tuple[tuple[Source, ...], Array]:
     """Return standard normal sources, by number, and a root (names, sources) of a covariance, by the eigenvectors of its correlations."""
-    scale = np.sqrt(np.diag(covariance))
-    shape = np.divide(covariance, np.outer(scale, scale), out=np.zeros_like(covariance), where=np.outer(scale, scale) > 0.0)
-    sizes, vectors = np.linalg.eigh(0.5 * (shape + shape.T)) if len(covariance) else (np.zeros(0), np.zeros((0, 0)))
-    kept = sizes > 1e-12 * max(1, len(covariance))
-    matrix = scale[:, None] * vectors[:, kept] * np.sqrt(sizes[kept])
+    matrix = square_root(0.5 * (covariance + covariance.T), drop=True)
     words = f"noise of fit '{name}'" if kind == "data" else name
     return tuple(Source(f"{name}: {k + 1}", kind, Normal(), words) for k in range(matrix.shape[1])), np.asarray(matrix)

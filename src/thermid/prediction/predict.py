@@ -15,7 +15,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.files import TABLE, replacing
 from thermid.fit.calibration import Calibration
-from thermid.fit.coefficients import Conditions, constant_coefficients
+from thermid.fit.discrepancy import OperatingPoint, constant_coefficients
 from thermid.knowledge.sources import LeftOut
 from thermid.measure.amounts import short
 from thermid.model.parts.standing import UNJUDGED, Standing
@@ -430,7 +430,7 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
     )
 
 
-def _far(at: Conditions, here: Conditions) -> bool:
+def _far(at: OperatingPoint, here: OperatingPoint) -> bool:
     ratio = here.difference / max(at.difference, 1e-9)
     return not 1.0 / FAR[0] <= ratio <= FAR[0] or abs(here.level - at.level) > FAR[1]
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.fit.coefficients import (
-    Conditions,
-    Pattern,
+from thermid.fit.discrepancy import (
+    CoefficientMode,
+    OperatingPoint,
     conditions_of,
     constant_coefficients,
     courses,
@@ -83,7 +83,7 @@ class Setting:
     budget: Budget
     ready: Simulator
     carriers: Mapping[Target, tuple[str, ...]]
-    here: Mapping[str, Conditions] = field(default_factory=dict)
+    here: Mapping[str, OperatingPoint] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -198,7 +198,7 @@ class Setting:
         return Drawn({n: traces + after[n] for n, traces in found.items()}, {n: t.shifted(after[n][0]) for n, t in turnings.items()}, many)
 
 
-def _patterns(budget: Budget, ready: Simulator) -> tuple[tuple[Pattern, ...], dict[str, Conditions]]:
+def _patterns(budget: Budget, ready: Simulator) -> tuple[tuple[CoefficientMode, ...], dict[str, OperatingPoint]]:
     """Return the patterns of a budget's modes in a scenario, and the conditions of its coefficients there."""
     wiring = ready.wiring
     network = wiring.network

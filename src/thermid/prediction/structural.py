@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import value_of
-from thermid.fit.discrepancy import ALIKE, Discrepancy
-from thermid.fit.joint_gas import MOST, losing_gas
+from thermid.fit.discrepancy import ALIKE, MOST, Discrepancy, losing_gas
 from thermid.knowledge.sources import Distribution, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
+from thermid.linear_algebra import symmetric_inverse
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
@@ -117,7 +117,7 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     joint = apart.values.covariance
     n = len(names) - len(fresh)
     # emissivities given the fitted values: b a^-1 of their covariances; what that leaves is the split's own
-    follows = joint[n:, :n] @ np.linalg.pinv(joint[:n, :n], hermitian=True, rcond=1e-12)
+    follows = joint[n:, :n] @ symmetric_inverse(joint[:n, :n])
     place = {name: k for k, name in enumerate(rows.names)}
     upper = np.array([rows.matrix[place[p]] if p in place else np.zeros(len(rows.sources)) for p in names[:n]])
     upper = upper.reshape(n, len(rows.sources))

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
+from thermid.extensions import extension
 from thermid.measure.record.stability import StabilityRule, rule_of
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
-from thermid.profile_runs.humid import humid
 from thermid.profile_runs.legs import ChamberConditions, ChamberSetup, Leg, Timeline, memory_of
-from thermid.profile_runs.profile_run import Phase, ProfileRun
+from thermid.profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.profile_runs.waiting import Wanted, wait
 from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import Options
 from thermid.simulation.transient import simulate
-
-if TYPE_CHECKING:
-    from thermid.simulation.water.moisture import Moisture
 
 
 def bench_of(
@@ -321,11 +317,12 @@ def _finished(course: _Course, every: str | float, told: Callable[[int, int, flo
     times = np.unique(np.concatenate([grid, plan.times]))
     times = times[np.append(True, np.diff(times) > 1e-6)]
     solution = simulate(bench.model, scenario, times=times, options=bench.options)
-    wet: Moisture | None = None
+    wet: SettledWater | None = None
     damp = plan.humidity()
     if damp is not None:
         steps, interval = len(profile.steps), max(step, scenario.seconds / MOIST_SAMPLES)
         still = None if told is None else lambda count, moved: told(steps, steps, scenario.seconds)
+        humid = extension("humidity along a profile", profile.title)
         wet, remark = humid(bench.model, scenario, damp, bench.chamber, solution, interval, still)
         solution = wet.solution
         course.remarks |= dict.fromkeys((remark, *wet.warnings) if remark else wet.warnings)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
@@ -15,7 +16,40 @@ if TYPE_CHECKING:
     from thermid.profiles.profile import ThermalProfile
     from thermid.simulation.scenarios.scenario import Scenario
     from thermid.simulation.solution import Solution, Trace
-    from thermid.simulation.water.moisture import Moisture
+
+Array = NDArray[np.float64]
+
+
+class WetSurface(Protocol):
+    """What this room reads of the water on one surface: its name, times (n,) [s], margin to the dew point (n,) [K], film (n,) [kg/m^2]."""
+
+    @property
+    def surface(self) -> str: ...  # noqa: D102
+    @property
+    def gas(self) -> str: ...  # noqa: D102
+    @property
+    def times(self) -> Array: ...  # noqa: D102
+    @property
+    def margin(self) -> Array: ...  # noqa: D102
+    @property
+    def film(self) -> Array: ...  # noqa: D102
+    @property
+    def condensing(self) -> float: ...  # noqa: D102
+    @property
+    def wet(self) -> float: ...  # noqa: D102
+
+
+class SettledWater(Protocol):
+    """What this room reads of moisture along a run, which the optional part of sites and moisture works out."""
+
+    @property
+    def surfaces(self) -> Mapping[str, WetSurface]: ...  # noqa: D102
+    @property
+    def dew_points(self) -> Mapping[str, Array]: ...  # noqa: D102
+    @property
+    def solution(self) -> Solution: ...  # noqa: D102
+    @property
+    def warnings(self) -> tuple[str, ...]: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -68,7 +102,7 @@ class ProfileRun:
     phases : tuple of Phase
     scenario : Scenario         The whole course, as a scenario that can be run again.
     solution : Solution         The whole course.
-    moisture : Moisture or None Of a humidity test.
+    moisture : td.Moisture      Of a humidity test, else None.
     notes : tuple of str        What came up while it ran.
     base : str                  The base plate; empty where none was named.
     chamber : tuple of str      Boundaries that are the chamber.
@@ -79,7 +113,7 @@ class ProfileRun:
     phases: tuple[Phase, ...]
     scenario: Scenario
     solution: Solution
-    moisture: Moisture | None = field(repr=False)
+    moisture: SettledWater | None = field(repr=False)
     notes: tuple[str, ...]
     base: str
     chamber: tuple[str, ...]

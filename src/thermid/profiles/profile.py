@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,11 +14,70 @@ from thermid.files import PROFILE, write_text
 from thermid.measure.record.stability import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-from thermid.profiles.cycles import Equivalence, equivalent_cycles
-from thermid.sourced.number import MARKS, SLOTS, WORDS, Number, number, weakest
+from thermid.profiles.number import SLOTS, WORDS, Number, number
+from thermid.sourced import check_mark, weakest
 from thermid.units import TEMPERATURE
 
 STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
+
+
+@dataclass(frozen=True)
+class Equivalence:
+    """``cycles`` over ``range`` are worth cycles (range / dT)^exponent over dT.
+
+    Parameters
+    ----------
+    cycles : float      Cycles of the standard, those in vacuum among them.
+    range : float       From cold to hot. [K]
+    exponent : float    Of the law of fatigue.
+    clause : str        Where it stands.
+    """
+
+    cycles: float
+    range: float
+    exponent: float
+    clause: str
+
+    def exact(self, span: float) -> float:
+        """Return the cycles over a range [K], not rounded."""
+        return float(self.cycles * (self.range / span) ** self.exponent)
+
+
+EQUIVALENCE: Final[Mapping[str, Equivalence]] = {
+    "qualification": Equivalence(27, 105.0, 1.4, "SMC-S-016, 6.3.8.3"),
+    "protoqualification": Equivalence(20, 95.0, 1.4, "SMC-S-016, 6.3.8.3"),
+    "acceptance": Equivalence(14, 85.0, 1.4, "SMC-S-016, 6.3.8.3"),
+}
+"""Level -> the formula of SMC-S-016; read."""
+
+
+def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivalence = "qualification") -> int:
+    """Return how many cycles between two temperatures are worth those of a level, rounded up.
+
+    Parameters
+    ----------
+    cold, hot : str or float        The range that is run. [K]
+    level : str or Equivalence      qualification, protoqualification, acceptance, or a law of the project's own.
+
+    Raises
+    ------
+    ScenarioError   When cold does not lie below hot, or there is no such level.
+
+    References
+    ----------
+    SMC-S-016 (2014), 6.3.8.3: N = 27 (105/dT)^1.4, 20 (95/dT)^1.4, 14 (85/dT)^1.4.
+    """
+    if isinstance(level, str):
+        if level not in EQUIVALENCE:
+            raise ScenarioError(f"there is no level '{level}'; there are {', '.join(EQUIVALENCE)}.{nearest(level, EQUIVALENCE)}", "cycles")
+        level = EQUIVALENCE[level]
+    low, high = (literal(v, TEMPERATURE, "cycles") if isinstance(v, str) else float(v) for v in (cold, hot))
+    if low >= high:
+        raise ScenarioError(
+            f"the cold level, {low - 273.15:g} degC, does not lie below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
+            "cycles",
+        )
+    return math.ceil(round(level.exact(high - low), 9))
 
 
 @dataclass(frozen=True)
@@ -92,8 +152,7 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
     if power not in (None, "on", "off"):
         raise ScenarioError(f"{power!r}: power is on or off.", where)
     mark = row.get("mark", profile.step_mark)
-    if mark not in MARKS:
-        raise ScenarioError(f"there is no mark '{mark}'; there are {', '.join(MARKS)}.{nearest(str(mark), MARKS)}", where)
+    check_mark(mark, where)
     target, over = value("to", TEMPERATURE), value("over", "s")
     ramp = value("ramp", "K/s")
     if target is not None and over is None and ramp is None:
@@ -205,7 +264,7 @@ class ThermalProfile:
             return self._level(name)
         if name == "middle":
             ends = [self["cold"], self["hot"]]
-            return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, weakest(ends), "", "mean of hot and cold")
+            return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, weakest(n.mark for n in ends), "", "mean of hot and cold")
         if name in SLOTS or name in WORDS:
             raise ScenarioError(f"it has no {name}. Give it: {name} = ...", self.title)
         raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title)
@@ -225,7 +284,7 @@ class ThermalProfile:
         ends += [] if least is None else [float(least.value)]
         note = f"predicted {'+' if sign > 0 else '-'} {margin.text}" if self.predicted is not None else "nothing predicted"
         note += f", at least to {least.text}" if least is not None else ""
-        return Number(pick(ends), TEMPERATURE, weakest(used), margin.clause, note)
+        return Number(pick(ends), TEMPERATURE, weakest(n.mark for n in used), margin.clause, note)
 
     def has(self, name: str) -> bool:
         """Whether a number is given."""
@@ -261,9 +320,7 @@ class ThermalProfile:
         """The weakest mark of its numbers: read, project, secondary or memory."""
         marks = [n.mark for n in self.used.values()] + [row.get("mark", self.step_mark) for row in self.plan]
         rule = rule_of(self.word("stable", "")) if self.has("stable") else None
-        return max(
-            [*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])], key=MARKS.index, default="read"
-        )
+        return weakest([*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])])
 
     @property
     def from_memory(self) -> tuple[str, ...]:

@@ -12,8 +12,8 @@ from typing import Any, Final
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.measure.record.stability import rule_of
+from thermid.profiles.number import SLOTS, WORDS, Number, number
 from thermid.profiles.profile import KINDS, ThermalProfile, pair_of
-from thermid.sourced.number import SLOTS, WORDS, Number, number
 from thermid.toml_files import read_toml
 
 LIBRARY: Final = Path(__file__).parent / "library"
@@ -42,7 +42,9 @@ def _standard(name: str) -> Mapping[str, Any]:
     if name.casefold() not in names:
         known = [data["standard"] for data in _library()]
         raise ScenarioError(
-            f"there is no standard '{name}' here; there are {', '.join(known)}.{nearest(name.casefold(), names)}", "profile"
+            f"there is no standard '{name}' here; there are {', '.join(known)}.{nearest(name.casefold(), names)} "
+            "A test by another one is a profile of your own, each number with its mark and clause.",
+            "profile",
         )
     return names[name.casefold()]
 

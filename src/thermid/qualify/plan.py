@@ -16,15 +16,15 @@ from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.files import read_bytes
-from thermid.fit.uncertainty.grouping import listed
+from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
+from thermid.judge.margins import POLICIES
 from thermid.measure.record.stability import rule_of
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
 from thermid.reduction.macro import macro_model
-from thermid.sourced.policies import POLICIES
 from thermid.toml_files import Places, project_root, read_toml, refuse_another_kind, resolve_inside
 from thermid.units import TEMPERATURE
 

@@ -21,7 +21,7 @@ from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.plan import Plan, load_plan
 from thermid.qualify.trial import Trial
 from thermid.qualify.trying import tried
-from thermid.sourced.marks import weigh
+from thermid.sourced import weigh
 from thermid.units import counted
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from thermid.judge.margins import HeaterDuty
 from thermid.prediction.foresight import Foresight
 from thermid.prediction.known import Known
 from thermid.profile_runs.profile_run import ProfileRun
-from thermid.sourced.marks import VERDICTS, weigh
+from thermid.sourced import VERDICTS, weigh
 
 if TYPE_CHECKING:
     from thermid.fit.calibration import Calibration

@@ -9,12 +9,12 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.extensions import extension
 from thermid.model.laws.signal import literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
-from thermid.simulation.sites.surroundings import surrounded
 from thermid.toml_files import read_toml, refuse_another_kind
 from thermid.units import TEMPERATURE
 
@@ -54,7 +54,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     }
     try:
         if set(SURROUNDINGS) & set(data):
-            return surrounded(given, columns, target.name)
+            surrounded: Scenario = extension("surroundings of a scenario file", target.name)(given, columns, target.name)
+            return surrounded
         return Scenario(**given)
     except ThermidError as error:
         key = error.where.removeprefix(f"{given['title']}, ")

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.driven import corrected
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.sensor_parts import attached
+from thermid.fit.problem.experiment import attached, corrected
+from thermid.fit.problem.residuals import Bench, Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.fit.problem.wired import Bench
 from thermid.model.tree.model import Model
 from thermid.model.tree.resolve import parameter_table
 from thermid.network.network import compile_network

@@ -15,7 +15,7 @@ from studio.large import wide_campaign
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign, request_of, run_stages
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
-from thermid.fit.problem.keys import in_full, key_of
+from thermid.fit.problem.request import in_full, key_of
 from thermid.knowledge.values import load_values
 from thermid.model.laws.signal import Table
 from unit.fit.bench import HTC, MASS
@@ -545,7 +545,7 @@ def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: P
     """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
     from dataclasses import replace
 
-    from thermid.fit.problem.keys import key_of
+    from thermid.fit.problem.request import key_of
 
     request = run_stages(project).requests["box"]
     (record,) = request.records

@@ -11,8 +11,7 @@ from thermid.campaign.stages import counted_twice
 from thermid.errors import NameNotFoundError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.known_before import known_before
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.request import Request, known_before
 from thermid.measure import Record
 from thermid.model.tree.model import Model
 from unit.fit.bench import box, log, pair

@@ -12,9 +12,8 @@ import pytest
 from thermid.campaign.cache import changed_since, remember
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import keyed, request_of, run_stages
-from thermid.fit.problem import keys as room
-from thermid.fit.problem.keys import ingredients_of, key_for
-from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem import request as room
+from thermid.fit.problem.request import LocalSpec, Reading, Request, ingredients_of, key_for
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options

@@ -17,7 +17,7 @@ import thermid as td
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign, request_of, run_stages
 from thermid.errors import DeckError
-from thermid.fit.standings import rests_on
+from thermid.fit.calibrate import rests_on
 from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.deck.modelfile import load_model

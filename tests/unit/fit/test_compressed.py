@@ -10,8 +10,7 @@ import pytest
 from thermid.fit.calibrate import calibrate
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import Predictions, Problem
-from thermid.fit.problem.statistics import Sums, pooled
+from thermid.fit.problem.residuals import Predictions, Problem, Sums, pooled
 from thermid.fit.uncertainty.information import EXACT
 from thermid.measure import Record
 from thermid.model.deck.modelfile import model_from_dict

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.cli.app import app
-from thermid.fit.contradicted import FAR, contradicted
+from thermid.fit.calibration import FAR, contradicted
 from thermid.knowledge.values import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log

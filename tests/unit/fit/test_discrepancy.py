@@ -10,8 +10,7 @@ import pytest
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.coefficients import EXPONENT
-from thermid.fit.discrepancy import Discrepancy, discrepancy, found_at
+from thermid.fit.discrepancy import EXPONENT, Discrepancy, discrepancy, found_at
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model

@@ -10,8 +10,7 @@ import pytest
 
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.experiment import meet
-from thermid.fit.problem.starts import first_reading
+from thermid.fit.problem.experiment import first_reading, meet
 from thermid.measure import Channel, Record, read_record
 from thermid.model.laws.signal import Constant, Table
 from thermid.model.tree.model import Model

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, RecordError, SolverError
-from thermid.fit.calibrate import calibrate, fit
-from thermid.fit.least_squares.solve import covariances, ended, minimise
+from thermid.fit.calibrate import calibrate, fit, summarise
+from thermid.fit.minimisation import covariances, ended, minimise
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.refusals import refuse_after
-from thermid.fit.summary import summarise
-from thermid.fit.uncertainty.responses import responses
+from thermid.fit.uncertainty.information import responses
 from thermid.judge.verdict import compare
 from thermid.measure import Record
 from thermid.simulation.scenarios.scenario import Scenario

@@ -13,8 +13,7 @@ from thermid.campaign.stages import run_stages
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.fit.uncertainty.moved import moves_from
-from thermid.fit.uncertainty.moves import UNDECIDED, Move, Moves
+from thermid.fit.uncertainty.moved import UNDECIDED, Move, Moves, moves_from
 from thermid.knowledge.store import Store
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure import Record

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.uncertainty.noisy_inputs import excess_of_inputs
-from thermid.fit.uncertainty.wander import binned
+from thermid.fit.uncertainty.noise import binned, excess_of_inputs
 
 DECK = """
 title = "heated plate under a cover"

@@ -9,8 +9,7 @@ import pytest
 
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import FAILED, Problem
-from thermid.fit.problem.statistics import loss_of
+from thermid.fit.problem.residuals import FAILED, Problem, loss_of
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel

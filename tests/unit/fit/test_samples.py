@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import RecordError
 from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.driven import signal_of
+from thermid.fit.problem.experiment import signal_of
 from thermid.measure import Channel, Record, read_record
 from unit.fit.bench import HTC, box
 

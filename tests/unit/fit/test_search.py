@@ -11,10 +11,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.fit.least_squares import extras
-from thermid.fit.least_squares.population import Population, box_of
-from thermid.fit.least_squares.search import evolved
-from thermid.fit.least_squares.solve import LOSSES
+from thermid.fit import minimisation
+from thermid.fit.minimisation import LOSSES, Population, box_of, evolved
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import Prior, Unknown
@@ -101,7 +99,7 @@ class TestValleys:
         def absent(name: str) -> Any:
             raise ImportError(name)
 
-        monkeypatch.setattr(extras, "import_module", absent)
+        monkeypatch.setattr(minimisation, "import_module", absent)
         with pytest.raises(IdentificationError, match=r"needs cma, which is not installed.*pip install thermid\[search\]"):
             fitted("cma")
         with pytest.raises(IdentificationError, match=r"needs emcee.*pip install thermid\[bayes\]"):

@@ -11,8 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError
 from thermid.fit.calibrate import fit
-from thermid.fit.problem.request import Request
-from thermid.fit.problem.selection import freed, priors_of
+from thermid.fit.problem.request import Request, freed, priors_of
 from thermid.model.tree.model import Model
 from unit.fit.bench import HTC, MASS, box, log, pair
 

@@ -10,8 +10,8 @@ import pytest
 import thermid as td
 from thermid.errors import ThermidError
 from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.sensor_parts import Seat, attached, sensor_model
-from thermid.fit.sensors import instrument_shares
+from thermid.fit.calibration import instrument_shares
+from thermid.fit.problem.experiment import Seat, attached, sensor_model
 from thermid.measure import Record
 from unit.fit.bench import HTC, box, log
 

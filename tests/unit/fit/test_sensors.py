@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thermid.fit.calibrate import calibrate
-from thermid.fit.sensors import sensor_shares
+from thermid.fit.calibration import sensor_shares
 from thermid.measure import Record
 from unit.fit.bench import HTC, box, log
 

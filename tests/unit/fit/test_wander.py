@@ -9,11 +9,10 @@ import pytest
 
 from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.least_squares.solve import covariances, ended
-from thermid.fit.problem.known_before import known_before
-from thermid.fit.problem.request import Request
+from thermid.fit.minimisation import covariances, ended
+from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.unknowns import Unknown
-from thermid.fit.uncertainty.wander import _beside, _leaning, binned, correlation
+from thermid.fit.uncertainty.noise import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model
 from thermid.simulation.scenarios.scenario import Scenario
@@ -51,8 +50,8 @@ def scores(**more: object) -> np.ndarray:
 def widening(found: Calibration) -> np.ndarray:
     """Errors beside those that residuals of this size would give if they did not wander (unknowns,)."""
     assert found.problem is not None
-    assert found.wander is not None
-    plain = covariances(ended(found.problem, np.array(list(found.fitted.values())), found.loss), found.wander.level)[2]
+    assert found.autocorrelation is not None
+    plain = covariances(ended(found.problem, np.array(list(found.fitted.values())), found.loss), found.autocorrelation.variance_factor)[2]
     kept = [k for k, n in enumerate(found.fitted) if n in found.values]
     return np.asarray(np.sqrt(np.diag(found.values.covariance) / np.diag(plain)[kept]))
 
@@ -146,10 +145,10 @@ def test_a_massless_node_and_a_robust_loss_work_too() -> None:
 def test_the_level_of_white_residuals_counts_what_the_fit_has_taken() -> None:
     """With as few readings as 21 of 3 unknowns, samples in place of freedom would make the variance a seventh too small."""
     found = fit(Request(box(), (wandering(2, slow=0.1, samples=21),), (HTC, MASS)))
-    assert found.wander is not None
-    assert not any(t.slow for t in found.wander.traces)
-    assert found.wander.level == pytest.approx(found.chi_square / (21 - len(found.fitted)), rel=1e-6)
-    assert found.wander.level > 1.5
+    assert found.autocorrelation is not None
+    assert not any(t.correlated_variance for t in found.autocorrelation.traces)
+    assert found.autocorrelation.variance_factor == pytest.approx(found.chi_square / (21 - len(found.fitted)), rel=1e-6)
+    assert found.autocorrelation.variance_factor > 1.5
 
 
 def test_the_score_of_white_residuals_is_standard_normal_beside_what_a_trace_decides() -> None:

@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.campaign.survey import survey
 from thermid.errors import IdentificationError
-from thermid.fit.uncertainty.grouping import percent
+from thermid.fit.uncertainty.groups import percent
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 from unit.fit.project import make_project
 

@@ -14,7 +14,7 @@ import thermid as td
 from thermid.cli import main
 from thermid.errors import DeckError, ScenarioError
 from thermid.monte_carlo import chunks as campaign_runs
-from thermid.monte_carlo.hold_times import clock, first_crossings, hold_time, proportion
+from thermid.monte_carlo.hold import clock, first_crossings, hold_time, proportion
 
 POWER, G, C = 10.0, 0.5, 500.0
 TAU = C / G

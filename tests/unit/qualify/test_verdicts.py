@@ -14,9 +14,9 @@ from thermid.cli.app import app
 from thermid.judge.correlation import correlate
 from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, check_limits
+from thermid.judge.margins import POLICIES
 from thermid.qualify.trial import Trial
-from thermid.sourced.marks import MARKS
-from thermid.sourced.policies import POLICIES
+from thermid.sourced import MARKS
 from unit.qualify.project import LOG, PLAN, measured, project
 from unit.qualify.things import UNIT, soak, unit
 
@@ -216,7 +216,7 @@ def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
 def test_a_margin_over_a_course_from_memory_is_not_decided(tmp_path: Path) -> None:
     text = ONE.replace(
         'scenario = { boundaries = { air = "40 [degC]" }, start = "20 [degC]", duration = "6 [h]" }',
-        'profile = { like = "ECSS equipment thermal vacuum", cycles = 1, hot = { value = "40 [degC]", mark = "memory" }, '
+        'profile = { like = "SMC-S-016 vehicle thermal vacuum", cycles = 1, hot = { value = "40 [degC]", mark = "memory" }, '
         'cold = "0 [degC]" }\n'
         'spread = { air = "1 [K]" }',
     ).replace('steady = [["5 [h]", "6 [h]"]]\n', "")

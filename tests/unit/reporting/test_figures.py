@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.reporting.pictures import chart, figures
 from thermid.reporting.pictures.chart import Line, Panel, thinned
 from thermid.reporting.pictures.figures import Dots, choose, overview, prediction, time_unit, trace
 
 
-def block(record: str = "r", sensor: str = "T", size: int = 500, rmse: float = 0.1, seed: int = 0) -> Block:
+def block(record: str = "r", sensor: str = "T", size: int = 500, rmse: float = 0.1, seed: int = 0) -> SensorTrace:
     rng = np.random.default_rng(seed)
     times = np.linspace(0.0, 3600.0, size)
     predicted = 300.0 + 10.0 * (1.0 - np.exp(-times / 900.0))
     noise = rng.standard_normal(size)
-    return Block(record, sensor, "case", times, predicted + rmse * noise / np.sqrt(np.mean(noise**2)), predicted, rmse)
+    return SensorTrace(record, sensor, "case", times, predicted + rmse * noise / np.sqrt(np.mean(noise**2)), predicted, rmse)
 
 
 def test_thinning_keeps_the_ends_and_every_spike() -> None:
@@ -60,9 +60,9 @@ def test_time_axis_reads_in_the_unit_of_the_duration() -> None:
 def test_a_gap_in_the_samples_breaks_the_line() -> None:
     whole = block()
     keep = (whole.times < 1000.0) | (whole.times > 2500.0)
-    torn = Block("r", "T", "case", whole.times[keep], whole.measured[keep], whole.predicted[keep], 0.1)
+    torn = SensorTrace("r", "T", "case", whole.times[keep], whole.measured[keep], whole.predicted[keep], 0.1)
 
-    def moves(b: Block) -> int:
+    def moves(b: SensorTrace) -> int:
         return max(path.count("M") for path in re.findall(r'class="line"[^>]* d="([^"]*)"', trace(b, "k", "l").markup))
 
     assert moves(whole) == 1

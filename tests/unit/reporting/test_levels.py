@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from thermid.fit.uncertainty.moves import Group, Move, Moves
+from thermid.fit.uncertainty.moved import Move, MovedGroup, Moves
 from thermid.reporting.blocks.cells import DASH
 from thermid.reporting.pages.levels import moved
 
@@ -16,7 +16,7 @@ from thermid.reporting.pages.levels import moved
 def moves() -> Moves:
     far = Move("a.power", "a", "box", 4.0, 4.4, 4.3, "W", 3.4, 0.0007, 0.48, 0.05, 0.05)
     still = Move("t", "", "box", 293.15, 294.15, 293.15, "degC", math.nan, math.nan, math.inf)
-    groups = (Group("all together", ("a.power", "t"), 11.6, 1, 0.0007), Group("part 'x'", (), 0.0, 0, math.nan))
+    groups = (MovedGroup("all together", ("a.power", "t"), 11.6, 1, 0.0007), MovedGroup("part 'x'", (), 0.0, 0, math.nan))
     return Moves((far, still), groups)
 
 

@@ -14,7 +14,7 @@ import thermid as td
 from thermid.errors import RecordError, ScenarioError
 from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Sine, Table, added, common_cycle, joined, multiplied, signal
 from thermid.monte_carlo.uncertain import begun_at
-from thermid.simulation.sites.ascent import Trajectory
+from thermid.site.ascent import Trajectory
 
 HOUR = 3600.0
 LATER, LASTS = 2.0 * HOUR, 1.5 * HOUR

@@ -1,27 +1,418 @@
-"""A record meets a model: its channels become observations, boundary signals, powers and first temperatures."""
+"""A record bound to a model: its channels become observations, boundary signals, powers and first temperatures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import RecordError, nearest
-from thermid.fit.problem.driven import Inputs, on_the_clock_of, signal_of
-from thermid.fit.problem.sensor_parts import Seat, attached
-from thermid.fit.problem.starts import HiddenStart, first_reading, hidden_starts, starts_of
-from thermid.fit.problem.ticks import Ticks
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.knowledge.values import FittedValue
 from thermid.measure import Channel, Record
 from thermid.measure.record.join import SecondClock
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
-from thermid.model.tree.model import Model
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.signal import Constant, Signal, Table, conducted
+from thermid.model.tree.model import Model, Submodel
+from thermid.model.tree.names import Names
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
+
+
+@dataclass
+class Inputs:
+    """What the channels of a record drive, on top of what the scenario gives."""
+
+    boundaries: dict[str, Any]
+    loads: dict[str, Any]
+    commands: dict[str, Any]
+    gains: dict[str, str]
+    shared: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+    def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
+        """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
+        if role == "boundary":
+            self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
+            if errors is None and channel.accuracy:
+                self.shared[channel.name] = (path, channel.accuracy)
+        elif channel.gain or role == "command":
+            self.commands[path] = signal
+            if channel.gain:
+                self.gains[path] = channel.gain
+        else:
+            self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
+            power = power_while_on(signal)
+            if errors is None and channel.accuracy and power > 0:
+                self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+
+
+def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
+    """Return a scenario whose columns of the record's own log count from the record's first sample, though its start was cut off.
+
+    Raises
+    ------
+    RecordError   When the record's times are no longer those of its log.
+    """
+
+    def moved(given: Any) -> Any:
+        if not isinstance(given, Table) or given.log is None or given.log[0] != record.origin.sha256:
+            return given
+        again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
+        if again:
+            raise RecordError(
+                f"the scenario has a column of the log '{record.origin.file}', whose times the record no longer has ({again}). Leave that "
+                "step out, or give the column in a log of its own.",
+                record.name,
+            )
+        zero = float(record.times[0])
+        return given.shifted(zero - given.log[1])
+
+    return scenario.mapped(moved)
+
+
+def power_while_on(signal: Signal) -> float:
+    """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
+    values = np.abs(signal.levels)
+    total = float(values.sum())
+    return float(values @ values) / total if total > 0 else 0.0
+
+
+def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
+    """Return the scenario of a record with the boundaries, starts and powers that a fit found.
+
+    Parameters
+    ----------
+    scenario : Scenario     As the log gives it.
+    found : dict            Name in the wiring -> value: of a boundary its temperature, or what is added where it varies in time [K], of
+                            ``initial.<node>`` a temperature [K], of ``scale.<load>`` a factor on its power. Other names are ignored.
+    """
+    boundaries = {
+        b: Constant(found[b]) if isinstance(s, Constant) else s.raised(found[b]) for b, s in scenario.boundaries.items() if b in found
+    }
+    loads = {p: s.scaled(found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
+    initial = {name.removeprefix("initial."): t for name, t in found.items() if name.startswith("initial.")}
+    return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
+
+
+def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
+    """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
+    table, samples = record.table(name), record.channel(name).samples
+    times = np.asarray(table.times) - zero
+    if times.size == 1:
+        return Constant(float(table.values[0]))
+    return conducted(Table(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A sensor that was attached to a model.
+
+    Parameters
+    ----------
+    node : str      The node on which it sits.
+    tip : str       The node that it reads: its own, or that on which it sits.
+    lag : str       Path of its lag; empty where it has no tip of its own.
+    """
+
+    node: str
+    tip: str
+    lag: str = ""
+
+
+def gain_of(sensor: str) -> str:
+    """Return the name of the error of a sensor's scale among the unknowns."""
+    return f"scale of {sensor}"
+
+
+def lag_of(sensor: str) -> str:
+    """Return the name of a sensor's lag among the unknowns."""
+    return f"lag of {sensor}"
+
+
+def sensor_model(part: SensorPart) -> Model:
+    """Return the sensor as a model of the bench: its tip behind its lag, and its leads; every element is `test_only`.
+
+    It needs `seat`, the node on which it sits, and `far`, where its leads end; `tip` is what it reads.
+    """
+    lags = bool(part.lag or part.capacitance)
+    foot = "tip" if part.capacitance else "seat"  # without a heat capacity nothing says how well the tip is tied to its node
+    deck: dict[str, object] = {"title": "sensor", "needs": ["seat", *(["far"] if part.lead_conductance else [])]}
+    conductors: dict[str, object] = {}
+    if lags:
+        deck |= {
+            "offers": ["tip"],
+            "parameters": {
+                name: f"{float(value)!r} [{unit}]" for (name, value), unit in zip(part.worth.items(), ("s", "J/K"), strict=True)
+            },
+            "nodes": {"tip": {"capacitance": "capacitance", "test_only": True}},
+        }
+        conductors["contact"] = {"kind": "conduction", "between": ["seat", "tip"], "resistance": "lag/capacitance", "test_only": True}
+    if part.lead_conductance:
+        lead = f"{float(part.lead_conductance)!r} [W/K]"
+        conductors["lead"] = {"kind": "conduction", "between": [foot, "far"], "conductance": lead, "test_only": True}
+    return model_from_dict(deck | {"conductors": conductors})
+
+
+def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
+    """Return the model with the sensors of a record on it, and channel -> where it sits; the same model where no sensor touches it.
+
+    Raises
+    ------
+    RecordError   When the leads of a sensor end at no node of the model.
+    """
+    names: Names | None = None
+    seats: dict[str, Seat] = {}
+    for channel in record.channels.values():
+        if channel.part is None or not channel.part.touches or channel.role not in ("auto", "node"):
+            continue
+        names = names or Names(model)
+        node = names.find(channel.target or channel.name, f"{record.name}, {channel.name}")
+        if node not in names.nodes:
+            continue  # refused where the channel is bound
+        seats[channel.name] = _seat(channel, node)
+        model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
+    return model, seats
+
+
+def at_their_seats(record: Record) -> Record:
+    """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
+    parts = {c: c.part for c in record.channels.values() if c.part is not None}
+    made = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
+    return record.with_channels(*made) if made else record
+
+
+def _named(channel: Channel) -> str:
+    return f"sensor_{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
+
+
+def _seat(channel: Channel, node: str) -> Seat:
+    assert channel.part is not None
+    if not (channel.part.lag or channel.part.capacitance):
+        return Seat(node, node)
+    return Seat(node, f"{_named(channel)}.tip", f"{_named(channel)}.lag")
+
+
+def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
+    part = channel.part
+    assert part is not None
+    bind = {"seat": node}
+    if part.lead_conductance:
+        try:
+            bind["far"] = names.find(part.lead_to, f"{where}, lead.to")
+        except NameNotFoundError as error:
+            raise RecordError(f"its leads end at '{part.lead_to}', which the model does not have. {error.message}", where) from None
+    inner = dict(model.submodels)
+    for path in bind.values():
+        head, _, rest = path.partition(".")
+        if rest and head in inner and rest not in inner[head].model.offers:
+            inner[head] = replace(inner[head], model=replace(inner[head].model, offers=(*inner[head].model.offers, rest)))
+    own = sensor_model(part)
+    return replace(model, submodels={**inner, _named(channel): Submodel(own, bind, own.identity())})
+
+
+def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[str, float]) -> Record:
+    """Return a record whose sensors have the scales and lags that a fit found, its readings corrected by the scales.
+
+    Parameters
+    ----------
+    record : Record     A log that the fit has not seen.
+    values : dict       Name -> FittedValue, those of `gain_of` and `lag_of` among them.
+    bias : dict         Sensor -> constant error. [K]
+    """
+    made = []
+    for channel in record.channels.values():
+        part, readings = channel.part, channel.values
+        if part is None:
+            continue
+        if (scale := values.get(gain_of(channel.name))) is not None:
+            true = (readings - bias.get(channel.name, 0.0) + scale.value * part.gain_about) / (1.0 + scale.value)
+            readings = readings - scale.value * (true - part.gain_about)
+        lag = values.get(lag_of(channel.name))
+        known = replace(part, gain_accuracy=0.0, lag_accuracy=0.0, lag=part.lag if lag is None else lag.value)
+        made.append(replace(channel, values=readings, part=known))
+    return record.with_channels(*made) if made else record
+
 
 Array = NDArray[np.float64]
+
+MEASURED = "measured"
+"""`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
+UNSAID_NOISE = 0.1
+"""Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
+REST = 4.0
+"""Standard deviations of a difference of two readings up to which they count as one temperature: a log then begins at rest."""
+STEPS = 20
+"""Newton steps for the balance; only radiation and laws that change with temperature need more than one."""
+
+
+@dataclass(frozen=True)
+class HiddenStart:
+    """Start of a node that no sensor observes, in a log that does not begin at rest.
+
+    Parameters
+    ----------
+    mean : float            Temperature at which it stores no heat, its neighbours at their first readings, no power on. [K]
+    sd : float              Half the range of the measured neighbours and the boundaries. [K]
+    neighbours : tuple      Nodes with a sensor that it exchanges heat with, directly or through other nodes without one.
+    """
+
+    mean: float
+    sd: float
+    neighbours: tuple[str, ...]
+
+
+def first_reading(record: Record, name: str, window: float = 0.0) -> float:
+    """Return the median of a channel's valid samples within `window` of its first one. [SI]
+
+    Raises
+    ------
+    RecordError   When it has no valid sample.
+    """
+    channel = record.channel(name)
+    times = record.times[channel.valid]
+    if times.size == 0:
+        raise RecordError(f"channel '{name}' has no valid sample.", record.name)
+    return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
+
+
+def starts_of(
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], window: float
+) -> tuple[Any, dict[str, Any], dict[str, str], tuple[str, ...]]:
+    """Return start, initial temperatures, nodes that start at a channel's first reading, and nodes that start at their own."""
+    initial: dict[str, Any] = {}
+    readings: dict[str, str] = {}
+
+    def lay(node: str, value: Any) -> None:
+        if isinstance(value, str) and value in record.channels:
+            readings[node] = value
+            initial[node] = first_reading(record, value, window)
+        else:
+            initial[node] = value
+
+    for raw, value in base.initial.items():
+        lay(network.find(raw), value)
+    if isinstance(base.start, str) and base.start in record.channels:
+        for node in network.nodes:
+            if node not in initial and _massive(network, node):
+                lay(node, base.start)
+        return first_reading(record, base.start, window), initial, readings, ()
+    if base.start not in ("", MEASURED):
+        return base.start, initial, readings, ()
+    loose = tuple(n for n in first if n not in initial and _massive(network, n))
+    initial |= {n: first[n] for n in loose}
+    mean = float(np.mean(list(first.values())))
+    return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
+
+
+def _massive(network: Network, node: str) -> bool:
+    return any(n.path == node and n.fields for n in network.flat.nodes)
+
+
+def hidden_starts(
+    scenario: Scenario, network: Network, first: Mapping[str, float], channels: Mapping[str, Channel], skipped: Sequence[str]
+) -> dict[str, HiddenStart]:
+    """Return the starts of nodes without a sensor that nobody gave; none where the log begins at rest.
+
+    Parameters
+    ----------
+    scenario : Scenario     Of the record; its `start` is empty.
+    network : Network       The model, sensors on it.
+    first : dict            Observed node -> its first reading. [K]
+    channels : dict         Observed node, or logged boundary, -> its channel.
+    skipped : sequence      Nodes that follow others, as the tips of sensors do.
+
+    Notes
+    -----
+    Net heat q(T) of the nodes without a reading is brought to zero by Newton's method, ``dT = -(dq/dT)^-1 q``, with every other
+    temperature fixed and all powers off. What was on before the log began is not known: the standard deviation stands for it.
+    """
+    hidden = [n for n in network.nodes if n not in first and n not in scenario.initial and n not in skipped and _massive(network, n)]
+    around = {b: float(np.ravel(s.at(np.zeros(1)))[0]) for b, s in scenario.boundaries.items() if b in network.boundaries}
+    if not hidden or _at_rest({**around, **first}, channels):
+        return {}
+    whole = [*first.values(), *around.values()]
+    if network.stores:  # their levels are no temperatures: the readings alone say where they may begin
+        return {n: HiddenStart(float(np.mean(list(first.values()))), 0.5 * float(np.ptp(whole)), tuple(first)) for n in hidden}
+    engine = _unpowered(network, replace(scenario, start=float(np.mean(list(first.values())))))
+    assembled = engine.wiring.assemble(gradients=False)
+    nodes = list(assembled.reduced.nodes)
+    loose = [k for k, n in enumerate(nodes) if n not in first and n not in scenario.initial]
+    held = [k for k, n in enumerate(nodes) if n in first]
+    temperatures, jacobian = _balanced(engine, loose)
+    out = {}
+    for group in _groups(jacobian, loose):
+        beside = [k for k in held if np.any(jacobian[np.ix_(group, [k])]) or np.any(jacobian[np.ix_([k], group)])]
+        anchors = [*(first[nodes[k]] for k in beside), *around.values()]
+        anchors = anchors if np.ptp(anchors) > 0.0 else whole
+        for k in (k for k in group if nodes[k] in hidden):
+            mean = float(np.clip(temperatures[k], min(anchors), max(anchors)))
+            out[nodes[k]] = HiddenStart(mean, 0.5 * float(np.ptp(anchors)), tuple(nodes[j] for j in beside))
+    return {n: out[n] for n in hidden if n in out}
+
+
+def _at_rest(temperatures: Mapping[str, float], channels: Mapping[str, Channel]) -> bool:
+    """Whether first readings and boundaries agree within what is said of their noise and accuracy."""
+
+    def sd(name: str) -> float:
+        channel = channels.get(name)
+        if channel is None:
+            return 0.0
+        return float(np.hypot(UNSAID_NOISE if channel.noise is None else channel.noise, channel.accuracy or 0.0))
+
+    return all(abs(temperatures[a] - temperatures[b]) <= REST * np.hypot(sd(a), sd(b)) for a, b in combinations(temperatures, 2))
+
+
+def _unpowered(network: Network, scenario: Scenario) -> Engine:
+    """Return the run of a scenario with inputs as they begin and every power off; as they are where a load takes no power but its own."""
+    scenario = scenario.mapped(lambda s: Constant(float(np.ravel(s.at(np.zeros(1)))[0])))
+    off = {load.path: Constant(0.0) for load in network.flat.loads}
+    try:
+        return Engine(Wiring(network, replace(scenario, loads=off, commands={}, gains={})))
+    except ThermidError:
+        return Engine(Wiring(network, scenario))
+
+
+def _balanced(engine: Engine, loose: Sequence[int]) -> tuple[Array, Array]:
+    """Return temperatures (nodes,) [K] at which the loose nodes store no heat, and the Jacobian (nodes, nodes) of the net heat. [W/K]"""
+    assembled = engine.wiring.assemble(gradients=False)
+    temperatures = np.array(assembled.initial)
+    low, high = 0.5 * float(temperatures.min()), 2.0 * float(temperatures.max())
+    jacobian = np.zeros((temperatures.size,) * 2)
+    for _ in range(STEPS):
+        heat, jacobian, _ = engine.rhs(assembled, temperatures, 0.0)
+        step = np.linalg.lstsq(jacobian[np.ix_(loose, loose)], -heat[loose], rcond=None)[0]
+        temperatures[loose] = np.clip(temperatures[loose] + step, low, high)
+        if np.abs(step).max(initial=0.0) < 1e-3:
+            break
+    return temperatures, jacobian
+
+
+def _groups(jacobian: Array, loose: Sequence[int]) -> list[list[int]]:
+    """Return the loose nodes in groups that exchange heat among themselves."""
+    linked = (jacobian != 0.0) | (jacobian.T != 0.0)
+    left, out = np.zeros(jacobian.shape[0], dtype=bool), []
+    left[list(loose)] = True
+    for first in loose:
+        if not left[first]:
+            continue
+        left[first] = False
+        group = [first]
+        for k in group:  # grows as it is walked
+            beside = np.flatnonzero(linked[k] & left)
+            left[beside] = False
+            group += beside.tolist()
+        out.append(group)
+    return out
+
+
 SCALE = "scale."
 """Before the path of a load: the factor on its power."""
 
@@ -40,7 +431,7 @@ class Observation:
     noise : float or None       Standard deviation of one sample. [K]
     accuracy : float or None    Standard deviation of its constant error. [K]
     weight : float              Below 1 where a model error, not the noise, sets how far a reading can be trusted. [-]
-    share : float               Independent samples that one sample is worth: below 1 where the noise is said to be correlated. [-]
+    effective_share : float     Independent samples that a sample is worth: below 1 where the noise is said to be correlated. [-]
     part : SensorPart or None   What else its sensor does.
     lag : str                   Path of the sensor's lag in the wiring; empty for none.
     """
@@ -52,7 +443,7 @@ class Observation:
     noise: float | None
     accuracy: float | None
     weight: float = 1.0
-    share: float = 1.0
+    effective_share: float = 1.0
     part: SensorPart | None = None
     seat: str = ""
     lag: str = ""
@@ -62,12 +453,57 @@ class Observation:
 
         Noise that is said to be correlated counts as so much larger that the samples say of anything slow what they can say.
         """
-        return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.share))
+        return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.effective_share))
 
     @property
-    def worth(self) -> float:
+    def effective_samples(self) -> float:
         """Independent samples that its samples are worth by what is said of its noise."""
-        return self.index.size * self.share
+        return self.index.size * self.effective_share
+
+
+OFFSET, RATE = "clock.offset", "clock.rate"
+"""Names in the wiring of what says where a second clock stands."""
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """What follows a second clock in an experiment.
+
+    Parameters
+    ----------
+    clock : SecondClock             Where its offset and rate are looked for.
+    driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
+    zero : float                    Time on the record's own clock at which the experiment begins. [s]
+    at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
+    """
+
+    clock: SecondClock
+    driven: tuple[tuple[str, str], ...]
+    zero: float
+    at: tuple[float, float]
+
+    def moved(self, experiment: Experiment, at: tuple[float, float]) -> Experiment:
+        """Return an experiment with these signals at another offset and rate."""
+        tables = {name: dict(getattr(experiment.scenario, name)) for name in {name for name, _ in self.driven}}
+        for name, path in self.driven:
+            tables[name][path] = self._moved(tables[name][path], at)
+        return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
+
+    def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
+        if not isinstance(signal, Table):
+            return signal
+
+        def law(times: Array) -> Array:
+            own = (times + self.zero - self.at[0]) / self.at[1]
+            # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
+            return np.round(at[0] + at[1] * own - self.zero, 9)
+
+        return signal.retimed(law)
+
+    @property
+    def span(self) -> float:
+        """Longest time that the second clock shows while the first log lasts. [s]"""
+        return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
 @dataclass(frozen=True, eq=False)

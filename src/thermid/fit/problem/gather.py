@@ -7,15 +7,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
-from thermid.fit.problem.experiment import Experiment, meet
-from thermid.fit.problem.known_before import known_before
-from thermid.fit.problem.request import Request
+from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, first_reading, gain_of, lag_of, meet
+from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.sensor_parts import gain_of, instruments
-from thermid.fit.problem.starts import first_reading
-from thermid.fit.problem.ticks import clock_unknowns
-from thermid.fit.problem.unknowns import Prior, Target, Unknown, parameter_unknown
+from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
+from thermid.measure.record.sensor import SensorPart
 from thermid.model.laws.signal import Constant, Table
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
@@ -108,7 +105,7 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     """Return the unknown that the value of one or several paths is; the first path names it."""
     path, *also = group
     parameters = experiments[0].network.flat.parameters
-    targets = [Target(i, p) for i in range(len(experiments)) for p in group]
+    targets = [Influence(i, p) for i in range(len(experiments)) for p in group]
     value = parameters.evaluate({}, [path])[path]
     unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
     return replace(unknown, also=tuple(also))
@@ -142,12 +139,12 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
             named.add(name)
             start = request.local_start(experiment.record, raw)
             prior = Prior(start, spec.sd) if math.isfinite(spec.sd) else None
-            targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
+            targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
             out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, prior=prior, unit="degC"))
         for node in experiment.loose if request.fit_start else ():
             name, start = f"initial.{node}", float(experiment.scenario.initial[node])
             if name not in named:
-                targets = (Target(i, name), *(Target(i, tip) for tip in _tips(experiment, name)))
+                targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
     return out
@@ -162,7 +159,7 @@ def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unkn
     record = experiment.record.name
     if len(starts) <= MANY:
         return [
-            Unknown(f"{record}: initial.{n}", "local", (Target(i, f"initial.{n}"),), h.mean, prior=Prior(h.mean, h.sd), unit="degC")
+            Unknown(f"{record}: initial.{n}", "local", (Influence(i, f"initial.{n}"),), h.mean, prior=Prior(h.mean, h.sd), unit="degC")
             for n, h in starts.items()
         ]
     groups: dict[tuple[str, ...], list[str]] = {}
@@ -172,7 +169,7 @@ def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unkn
         Unknown(
             f"{record}: initial.{nodes[0]} and {len(nodes) - 1} more, in standard deviations",
             "local",
-            tuple(Target(i, f"initial.{n}", starts[n].mean, starts[n].sd) for n in nodes),
+            tuple(Influence(i, f"initial.{n}", starts[n].mean, starts[n].sd) for n in nodes),
             0.0,
             prior=Prior(0.0, 1.0),
         )
@@ -199,12 +196,12 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
     if request.held_errors is not None:
         return []
     sensors: dict[str, float] = {}
-    shared: dict[str, tuple[float, list[Target]]] = {}
+    shared: dict[str, tuple[float, list[Influence]]] = {}
     for i, experiment in enumerate(experiments):
         sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
         for sensor, (target, sd) in experiment.shared.items():
             known, targets = shared.get(sensor, (math.inf, []))
-            shared[sensor] = (min(sd, known), [*targets, Target(i, target)])
+            shared[sensor] = (min(sd, known), [*targets, Influence(i, target)])
     out = []
     for sensor, sd in sensors.items():
         out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
@@ -258,7 +255,7 @@ def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]
     sensors = {u.name.removeprefix("sensor "): k for k, u in enumerate(unknowns) if u.kind == "sensor"}
     parameters = {u.name: k for k, u in enumerate(unknowns) if u.kind == "parameter"}
     scales = {u.name: k for k, u in enumerate(unknowns) if u.kind == "instrument" and not u.log}
-    more: dict[int, list[Target]] = {}
+    more: dict[int, list[Influence]] = {}
     for i, named in enumerate(starts):
         for name, s in named.items():
             scale = scales.get(gain_of(s.sensor))
@@ -266,7 +263,7 @@ def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]
             acting = [(k, factor) for k, factor in acts if k is not None]
             constant = s.reading - (0.0 if s.sensor in sensors else held.get(s.sensor, 0.0)) + (0.0 if s.offset in parameters else s.shift)
             for k, factor in acting:
-                more.setdefault(k, []).append(Target(i, name, constant, factor))
+                more.setdefault(k, []).append(Influence(i, name, constant, factor))
                 constant = 0.0
     return [replace(u, targets=(*u.targets, *more.get(k, ()))) for k, u in enumerate(unknowns)]
 
@@ -281,3 +278,41 @@ def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Sta
         else:
             boundaries[name] = Constant(value)
     return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))
+
+
+def instruments(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return one unknown per scale and per lag that is not known exactly, acting in every record that its sensor reads.
+
+    Parameters
+    ----------
+    experiments : sequence  The records, bound to the model.
+    """
+    found: dict[str, tuple[SensorPart, list[Influence]]] = {}
+    for i, experiment in enumerate(experiments):
+        for o in experiment.observations:
+            if o.part is not None and o.part.gain_accuracy:
+                found.setdefault(gain_of(o.sensor), (o.part, []))[1].append(Influence(i, f"reading.{o.sensor}"))
+            if o.part is not None and o.part.lag_accuracy and o.lag:
+                found.setdefault(lag_of(o.sensor), (o.part, []))[1].append(Influence(i, o.lag))
+    out = []
+    for name, (part, targets) in found.items():
+        scale = targets[0].name.startswith("reading.")
+        mean, sd = (0.0, part.gain_accuracy) if scale else (part.lag, part.lag_accuracy)
+        prior = Prior(mean, sd) if scale else Prior(math.log(mean), sd / mean)
+        out.append(Unknown(name, "instrument", tuple(targets), mean, log=not scale, prior=prior, unit="1" if scale else "s"))
+    return out
+
+
+def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return offset and rate of every second clock that is known within a range only."""
+    out = []
+    for i, e in enumerate(experiments):
+        if e.ticks is not None:
+            c = e.ticks.clock
+            for name, target, (low, high), at, unit in (
+                ("clock offset", OFFSET, c.offset, c.at[0], "s"),
+                ("clock rate", RATE, c.rate, c.at[1], "1"),
+            ):
+                if low < high:
+                    out.append(Unknown(f"{e.record.name}: {name}", "local", (Influence(i, target),), at, low=low, high=high, unit=unit))
+    return out

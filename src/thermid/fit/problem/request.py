@@ -1,22 +1,33 @@
-"""What a fit is asked: model, records, what is free, what each record has for itself."""
+"""The request of a fit: model, records, free parameters, priors, what stages below found, and the key of all that its result depends on."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from fnmatch import fnmatchcase
+from importlib.metadata import version
 from typing import Any
 
-from thermid.errors import IdentificationError, ThermidError, nearest
-from thermid.fit.problem.starts import first_reading
-from thermid.knowledge.store import Store
-from thermid.measure import Record
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.fit.problem.experiment import first_reading
+from thermid.fit.problem.unknowns import Unknown
+from thermid.knowledge.sources import Source, read_spread
+from thermid.knowledge.store import State, Store
+from thermid.linear_algebra import RANK_TOLERANCE, inverse_square_root
+from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, literal
-from thermid.model.tree.identity import local_identities
+from thermid.model.tree.identity import definition_of, local_identities
 from thermid.model.tree.model import Model
+from thermid.model.tree.resolve import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options
-from thermid.units import TEMPERATURE
+from thermid.units import TEMPERATURE, unit
 
 FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)
 """A fit needs no more than a fraction of the noise of a sensor."""
@@ -171,3 +182,268 @@ class Request:
             raise IdentificationError(
                 f"'{text}' is no temperature and no channel of {record.name}.{hint} ({error.message})", f"local.{name}"
             ) from None
+
+
+RANGE = "range"
+"""In place of a prior: what the range of the data sheet says."""
+MIDPOINTS = 2000
+"""Of the shares that moments of a logarithm are taken over."""
+
+
+def is_glob(name: str) -> bool:
+    """Return whether a name stands for all that match it."""
+    return any(mark in name for mark in "*?[")
+
+
+def matching(pattern: str, paths: Iterable[str], where: str) -> list[str]:
+    """Return the paths that a glob matches; ``*`` passes dots, so ``pre.*.htc`` reaches ``pre.ele.skin.htc``.
+
+    Raises
+    ------
+    NameNotFoundError   When it matches nothing, with the nearest path.
+    """
+    known = list(paths)
+    hits = [p for p in known if fnmatchcase(p, pattern)]
+    if not hits:
+        bare = pattern.translate(str.maketrans("", "", "*?[]"))
+        raise NameNotFoundError(f"no parameter that can be freed matches '{pattern}'.{nearest(bare, known)}", where)
+    return hits
+
+
+def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, handed: Iterable[str] = ()) -> tuple[list[str], set[str]]:
+    """Return what is free once names and globs are read and `freeze` is taken off, and every path that is frozen.
+
+    Parameters
+    ----------
+    model : Model           The stage's.
+    free, freeze : list     Names and globs. A name that is no parameter is left to the fit, which says what is near.
+    where : str             For messages.
+    handed : iterable       Paths that stages below free as priors.
+
+    Raises
+    ------
+    NameNotFoundError       When a glob matches no parameter that can be freed.
+    IdentificationError     When `freeze` takes nothing off.
+    """
+    free = [free] if isinstance(free, str) else free  # one name, and not its letters
+    if not freeze and not any(map(is_glob, free)):
+        return list(free), set()
+    values = ParameterSet(model)
+    literals = [p for p, entry in values.table.items() if entry.parameter.is_literal]
+    out: dict[str, None] = {}
+    for name in free:
+        out |= dict.fromkeys(matching(model.canonical(name), literals, where) if is_glob(name) else [name])
+    here = {_path(model, values, name): name for name in out}
+    frozen: set[str] = set()
+    candidates = {*here, *handed}
+    for name in freeze:
+        hits = set(matching(model.canonical(name), literals, where)) if is_glob(name) else {values.freeable(name, model.canonical)}
+        if not hits & candidates:
+            raise IdentificationError(
+                f"'{name}' is frozen, but nothing of that name is free here; what is not free stays as it is anyway. Take it out.", where
+            )
+        frozen |= hits
+    return [name for path, name in here.items() if path not in frozen], frozen
+
+
+def _path(model: Model, values: ParameterSet, name: str) -> str:
+    """Return the path that a fit frees for a name; a name that cannot be freed stays, the fit will say why."""
+    path = model.canonical(name)
+    return values.literal_behind(path) if path in values.table else name
+
+
+def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: str) -> dict[str, tuple[str, str]]:
+    """Return path -> (mean, standard deviation) as texts, globs read and ranges turned into numbers.
+
+    A range min..max of a data sheet is a rectangular distribution: its standard deviation is its half width over the square root of 3
+    (JCGM 100:2008, 4.3.7). Quantities that are fitted by their logarithm have mean and standard deviation of its logarithm.
+
+    Raises
+    ------
+    NameNotFoundError       When a glob matches nothing.
+    IdentificationError     When a parameter has no range, or its range is not one of a data sheet.
+    """
+    if not any(is_glob(name) or one == RANGE for name, one in given.items()):
+        return {name: one for name, one in given.items() if not isinstance(one, str)}
+    values = ParameterSet(model)
+    literals = [p for p, entry in values.table.items() if entry.parameter.is_literal]
+    out: dict[str, tuple[str, str]] = {}
+    for name, one in given.items():
+        if not is_glob(name):
+            paths = [values.freeable(name, model.canonical)]
+        else:
+            paths = matching(model.canonical(name), literals, where)
+        for path in paths:
+            out[path] = one if not isinstance(one, str) else _range(values, path, f"{where}.priors.{name}")
+    return out
+
+
+def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
+    """Return mean and standard deviation of a parameter's range as texts."""
+    given = values.table[path].parameter
+    low, high = given.minimum, given.maximum
+    if given.source != "datasheet":
+        raise IdentificationError(
+            f"the range of '{path}' is no prior: its source is {given.source or 'not stated'}, so min and max only bound the search. State "
+            'source = "datasheet" where they are the tolerance of a data sheet, or give the prior a mean and sd.',
+            where,
+        )
+    if low is None or high is None or not low < high:
+        raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
+    of = unit(given.unit or "1")
+    law = read_spread(RANGE, of.text, float("nan"), where, bounds=(low, high))
+    mean, sd = law.mean, math.sqrt(law.variance)
+    if low > 0:  # as it will be fitted, by its logarithm: see `parameter_unknown`
+        logs = np.log(law.at((np.arange(MIDPOINTS) + 0.5) / MIDPOINTS))
+        mean = float(np.exp(logs.mean()))
+        sd = mean * float(logs.std())
+    shown = (mean - float(of.offset)) / float(of.factor)
+    return f"{shown!r} [{of.text}]", f"{sd / float(of.factor)!r} [{'K' if float(of.offset) else of.text}]"
+
+
+def _channel_key(c: Channel) -> list[Any]:
+    """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
+    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction, c.samples]
+    return [*known, *([repr(c.part)] if c.part else [])]
+
+
+def _record_key(r: Record) -> list[Any]:
+    second = [repr(r.second)] if r.second else []
+    return [r.origin.sha256, list(r.steps), *second, {n: _channel_key(c) for n, c in r.channels.items()}]
+
+
+def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
+    """Return name -> hash of everything that a stage's result depends on.
+
+    What it inherits is a result of the stages below, whose keys say what that depends on: no value is an ingredient, for a fit that was
+    recalled computes them anew, with other last digits than the search that came upon it.
+
+    Parameters
+    ----------
+    request : Request   What the stage asks.
+    below : list        Keys of the stages that it inherits from.
+    """
+    records = {r.name: _record_key(r) for r in request.records}
+    scenario = [
+        request.scenarios,
+        repr(sorted(request.local.items())),
+        repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
+        repr(sorted(request.readings.items())),
+        request.window,
+    ]
+    how = [request.loss, request.knee, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
+    held = None if request.held_errors is None else sorted(request.held_errors.items())
+    priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
+    content = {
+        "deck": definition_of(request.model),
+        "records": records,
+        "scenario": scenario,
+        "free and fixed": [request.free, request.prior, [(p, s.hidden) for p, s in request.store.states.items()], how],
+        "priors": priors,
+        "cuts": [request.untie, request.model.cuts],
+        "values by hand": _by_hand(request),
+        "below": below,
+        "version": version("thermid"),
+    }
+    return {name: digest(x) for name, x in content.items()}
+
+
+def key_of(request: Request, below: list[str]) -> str:
+    """Return the hash of all ingredients of a stage's result."""
+    return digest(ingredients_of(request, below))
+
+
+def key_for(request: Request) -> str:
+    """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
+    below = sorted({s.origin.key for s in request.store.states.values()})
+    return request.key or digest([key_of(request, below), request.model.identity()])
+
+
+def _by_hand(request: Request) -> list[str]:
+    if request.hand is None:
+        return []
+    return [repr(list(request.hand.states.values())), repr(request.hand.root.tolist())]
+
+
+def in_full(value: Any) -> Any:
+    """Return what JSON cannot hold in a form that it can, every digit of every sample kept."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: getattr(value, f.name) for f in fields(value)}
+    return str(value)
+
+
+def digest(content: object) -> str:
+    """Return the hash of what JSON can hold, `in_full` helping."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
+
+
+Array = NDArray[np.float64]
+STIFF = (10.0 * RANK_TOLERANCE) ** 2
+"""Variance of a direction, beside the largest, below which values count as known exactly against one another: ten times what a rank could
+still tell from nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownBefore:
+    """What stages below found of the unknowns of a fit.
+
+    Parameters
+    ----------
+    at : array (n,)             Positions of those among the unknowns that they know.
+    mean : array (n,)           Their values, in the fitted form of the unknowns.
+    rows : array (n, sources)   Their responses, in that form.
+    sources : tuple of Source   What they respond to.
+    """
+
+    at: NDArray[np.int64]
+    mean: Array
+    rows: Array
+    sources: tuple[Source, ...]
+
+    @property
+    def root(self) -> Array:
+        """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``."""
+        return inverse_square_root(self.rows @ self.rows.T, STIFF)
+
+
+def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
+    """Return what the stages below found of the values that a fit may move, and of its instruments.
+
+    The accuracy of an instrument is part of what they found of it, so it counts once. Instances that a fit unties start from the same
+    value; each has its error for itself.
+    """
+    store = request.store
+    at, mean, sources = [], [], list(store.sources)
+    rows: list[Array] = []
+    taken: list[State] = []
+    moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
+    for k, u in enumerate(unknowns):
+        state = _state_of(store, moving, u)
+        if state is None:
+            continue
+        row = store.rows([state.path])[0] * form(state, u)
+        if any(s.same(state) for s in taken):
+            sources += [replace(s, name=f"{s.name} at {u.name}") for s in store.sources]
+            rows = [np.concatenate([r, np.zeros(len(store.sources))]) for r in rows]
+            row = np.concatenate([np.zeros(len(sources) - len(store.sources)), row])
+        taken.append(state)
+        at.append(k)
+        mean.append(u.to_fitted(state.value))
+        rows.append(np.concatenate([row, np.zeros(len(sources) - row.size)]))
+    return KnownBefore(np.array(at, dtype=np.int64), np.array(mean), np.array(rows).reshape(len(at), len(sources)), tuple(sources))
+
+
+def form(state: State, unknown: Unknown) -> float:
+    """Return d unknown / d state, both in their fitted forms."""
+    return (state.value if state.log else 1.0) / (state.value if unknown.log else 1.0)
+
+
+def _state_of(store: Store, moving: Mapping[str, State], unknown: Unknown) -> State | None:
+    """Return what is known of an unknown below; None for nothing, or where the fit is not to rest on it."""
+    if unknown.kind == "parameter":
+        found = next((moving[n] for n in (unknown.name, *unknown.also) if n in moving), None)
+    else:
+        found = store.states.get(unknown.name)
+    return found if found is not None and found.known and store.rows([found.path]).any() else None

@@ -1,27 +1,339 @@
-"""Weighted residuals of all records, with exact derivatives from the kernel; the readings that they predict."""
+"""Weighted residuals of all records, with exact derivatives from the kernel; the readings that they predict and their statistics."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
 from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import SolverError
-from thermid.fit.problem.blocks import Block as Block
-from thermid.fit.problem.blocks import Compressed as Compressed
-from thermid.fit.problem.experiment import Experiment, Observation
-from thermid.fit.problem.statistics import Sums
-from thermid.fit.problem.ticks import OFFSET, RATE, clock_at, compressed_in_full, slopes_of_clock
-from thermid.fit.problem.unknowns import Target, Unknown
-from thermid.fit.problem.wired import Bench
+from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
+from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.memo import Memo
-from thermid.simulation.solver.engine import Options
-from thermid.simulation.solver.squares import Weighing
+from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.squares import Squares, Weighing
+from thermid.simulation.solver.traces import Traces, kept_for
+from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]
+WHITE = 0.9
+"""Share of the samples that residuals must be worth as independent ones to count as white."""
+
+
+def wanders(effective: float, samples: float) -> bool:
+    """Whether residuals are worth so many fewer independent samples than there are that they are not white."""
+    return effective < WHITE * samples
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """How a model meets one sensor.
+
+    Parameters
+    ----------
+    rmse, mean, largest : float     Of measured less predicted, the sensor's constant error taken off; largest by size. [K]
+    samples : int
+    bias : float                    The sensor's constant error as fitted or given. [K]
+    lag_one : float                 Autocorrelation of neighbouring residuals. [-]
+    effective_samples : float       Independent samples that would say as much; all of them where the residuals do not wander.
+    """
+
+    rmse: float
+    mean: float
+    largest: float
+    samples: int
+    bias: float
+    lag_one: float
+    effective_samples: float = 0.0
+
+    @property
+    def white(self) -> bool:
+        """Whether residuals are uncorrelated: neighbours at the 95 % level (1.96 / sqrt n), and none that wander over longer times."""
+        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples)) and not self.wanders
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the residuals are worth fewer independent samples than there are."""
+        return wanders(self.effective_samples, self.samples)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over the residuals of one sensor, in the order of the kernel.
+
+    Parameters
+    ----------
+    count, first, last : float      How many residuals, the first and the last of them. [K]
+    total, squares, lagged : float  Sum, sum of squares, and of products of neighbours, of what each exceeds the first by; a mean far from
+                                    zero then costs no digits. [K, K^2]
+    largest : float                 By size, with its sign. [K]
+    """
+
+    count: float
+    first: float
+    last: float
+    total: float
+    squares: float
+    lagged: float
+    largest: float
+
+    @classmethod
+    def of(cls, residuals: Array) -> Sums:
+        """Return the sums of residuals (samples,). [K]"""
+        more = residuals - residuals[0]
+        largest = float(residuals[np.abs(residuals).argmax()])
+        sums = float(more.sum()), float(more @ more), float(more[1:] @ more[:-1])
+        return cls(residuals.size, float(residuals[0]), float(residuals[-1]), *sums, largest)
+
+    def _about(self, zero: float) -> tuple[float, float, float]:
+        """Return total, squares and lagged of what each residual exceeds `zero` by."""
+        d, n = self.first - zero, self.count
+        ends = self.last - self.first  # the first exceeds itself by nothing
+        lagged = self.lagged + d * (2.0 * self.total - ends) + (n - 1) * d * d
+        return self.total + n * d, self.squares + 2.0 * d * self.total + n * d * d, lagged
+
+    def followed_by(self, other: Sums) -> Sums:
+        """Return the sums of these residuals with others after them."""
+        if not self.count or not other.count:
+            return self if self.count else other
+        total, squares, lagged = other._about(self.first)
+        join = (self.last - self.first) * (other.first - self.first)
+        largest = max(self.largest, other.largest, key=abs)
+        sums = self.total + total, self.squares + squares, self.lagged + join + lagged
+        return Sums(self.count + other.count, self.first, other.last, *sums, largest)
+
+    @property
+    def mean_square(self) -> float:
+        """The mean of the squared residuals. [K^2]"""
+        return max(self._about(0.0)[1], 0.0) / self.count
+
+    def statistics(self, bias: float, effective: float | None = None) -> SensorStatistics:
+        """Return what they say of a sensor with a constant error [K], worth `effective` samples; all of them where nothing is given."""
+        mean = self.first + self.total / self.count
+        _, power, lagged = self._about(mean)
+        lag = lagged / power if self.count > 2 and power > 0 else 0.0
+        count = int(self.count)
+        worth = float(count) if effective is None else effective
+        return SensorStatistics(float(np.sqrt(self.mean_square)), mean, self.largest, count, bias, lag, worth)
+
+
+def pooled(parts: list[Sums]) -> Sums:
+    """Return the sums of several stretches, one after the other."""
+    return reduce(Sums.followed_by, parts)
+
+
+def loss_of(squares: Array, loss: str, knee: float) -> tuple[Array, Array]:
+    """Return the loss of squared residuals in units of the noise, as the kernel counts it, and its derivative. [-]"""
+    z = squares / knee**2
+    if loss == "soft_l1":
+        return 2.0 * knee**2 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)
+    if loss == "huber":
+        root = np.sqrt(np.maximum(z, 1.0))
+        return knee**2 * np.where(z > 1.0, 2.0 * root - 1.0, z), 1.0 / root
+    if loss == "cauchy":
+        return knee**2 * np.log1p(z), 1.0 / (1.0 + z)
+    return squares, np.ones_like(squares)
+
+
+@dataclass(frozen=True, eq=False)
+class SensorTrace:
+    """One sensor of one record at some values of the unknowns.
+
+    Parameters
+    ----------
+    record, sensor, node : str      Names.
+    times : array (samples,)        [s]
+    measured, predicted : array     Reading, and what the model with its sensor's constant error says. [K]
+    noise : float                   The weight's standard deviation. [K]
+    """
+
+    record: str
+    sensor: str
+    node: str
+    times: Array
+    measured: Array
+    predicted: Array
+    noise: float
+
+    @property
+    def residuals(self) -> Array:
+        """Measured less predicted (samples,). [K]"""
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Compressed:
+    """All residuals of the data at some values of the unknowns, in as few rows as hold the same information.
+
+    Parameters
+    ----------
+    rows : array (rows,)                Residuals; half their sum of squares is the cost, the loss included. [-]
+    slopes : array (rows, unknowns)     Their derivatives: ``slopes' slopes`` is J'J, ``slopes' rows`` J'r of all weighted residuals.
+    chi_square : float                  Sum of squares, each weighed as a robust loss weighs it. [-]
+    sums : tuple of (str, str, Sums)    Record, sensor, and the sums of its residuals.
+    meshes : tuple of array             When the integrator's steps ended, per record. [s]
+    """
+
+    rows: Array
+    slopes: Array
+    chi_square: float
+    sums: tuple[tuple[str, str, Sums], ...]
+    meshes: tuple[Array, ...]
+
+
+KEPT = 32
+"""Benches of one experiment that are kept: a search for a second clock asks for many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """An experiment wired to the kernel, with the names that are free in it."""
+
+    experiment: Experiment
+    free: tuple[str, ...]
+    wiring: Wiring
+    engine: Engine
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @classmethod
+    def of(cls, experiment: Experiment, free: Sequence[str], at: tuple[float, float] | None = None) -> Bench:
+        """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
+
+        def made() -> Bench:
+            moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
+            wiring = Wiring(moved.network, moved.scenario, free)
+            return cls(moved, tuple(free), wiring, Engine(wiring))
+
+        return experiment.memo.made((tuple(free), at), made, KEPT)
+
+    def temperatures(
+        self, x: Array, gradients: bool, options: Options, times: Array | None = None, *, from_rest: bool = False
+    ) -> tuple[Array, Array]:
+        """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for.
+
+        `times` are the experiment's own where none are given [s]; `from_rest` holds the start while the free names change.
+        """
+        wanted = self.experiment.times if times is None else times
+        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
+        if from_rest:
+            assembled = replace(assembled, initial_gradient=np.zeros_like(assembled.initial_gradient))
+        nodes = tuple(o.node for o in self.experiment.observations)
+        kept = kept_for(assembled, nodes)
+        duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
+        stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
+        answer = self.engine.integrate(assembled, wanted, kept, duration, stepped, gradients and bool(self.free))
+        traces = Traces(self.wiring, assembled, wanted, kept, answer.temperatures, answer.sensitivities)
+        columns = np.column_stack([traces.temperature(n) for n in nodes])
+        derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
+        for k, place, about in self.scales():
+            if gradients:
+                derivatives[:, k, :] *= 1.0 + x[place]
+                derivatives[:, k, place] += columns[:, k] - about
+            columns[:, k] += x[place] * (columns[:, k] - about)
+        return columns, derivatives
+
+    def scales(self) -> list[tuple[int, int, float]]:
+        """Return, of every sensor whose scale is looked for, its column, the place of its error in the free names, where it turns [K]."""
+        place = {name: n for n, name in enumerate(self.free)}
+        seen = enumerate(self.experiment.observations)
+        return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in seen if o.part and f"reading.{o.sensor}" in place]
+
+    def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
+        """Return the least squares of all observations."""
+        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
+        seen, times = self.experiment.observations, self.experiment.times
+        recover = dict(assembled.reduced.recover)
+        parts = [_parts(o.node, recover) for o in seen]
+        size = len(self.free) if gradients else 0
+        scaled = [False] * len(seen)
+        for k, place, _ in self.scales():
+            one = Dual(1.0 + x[place], np.eye(size)[place]) if gradients else 1.0 + x[place]
+            parts[k], scaled[k] = {node: one * weight for node, weight in parts[k].items()}, True
+        readings = self.memo.made(
+            "readings",
+            lambda: self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled),
+        )
+        numbers = [number for p in parts for number in p.values()]
+        weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
+        duration = max(self.experiment.scenario.seconds, float(times[-1]))
+        return self.engine.least_squares(assembled, readings, weights, weighing, duration, options, gradients, mesh)
+
+
+def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, Number]:
+    """Return what an observed node is the sum of: itself, or the neighbours of a node that was eliminated, with their weights."""
+    if node not in recover:
+        return {node: 1.0}
+    out: dict[str, Number] = {}
+    for neighbour, weight in recover[node].items():
+        for name, share in _parts(neighbour, recover).items():
+            out[name] = out[name] + weight * share if name in out else weight * share
+    return out
+
+
+SHIFT = 0.3
+"""Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
+
+
+def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[float, float]:
+    """Return offset and rate of the second clock of an experiment at some values of the unknowns."""
+    ticks = problem.experiments[i].ticks
+    assert ticks is not None
+    at = dict(zip((OFFSET, RATE), ticks.at, strict=True))
+    return tuple((at | {name: float(fitted[k]) for k, name in problem.ticking(i)}).values())  # type: ignore[return-value]
+
+
+def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
+    """Return position of an unknown -> derivatives (times, sensors) of the readings with respect to an offset or rate, by differences.
+
+    A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side.
+    """
+    ticks = problem.experiments[i].ticks
+    out: dict[int, Array] = {}
+    if ticks is None:
+        return out
+    shift = SHIFT * ticks.clock.step * ticks.at[1]
+    for k, name in problem.ticking(i):
+        step = shift if name == OFFSET else shift / max(ticks.span, ticks.clock.step)
+        sides = []
+        for side in (-step, step):
+            there = fitted.copy()
+            there[k] += side
+            x, _ = problem.inputs(i, there)
+            sides.append(problem.bench(i, there).temperatures(x, False, problem.options, times)[0])
+        out[k] = (sides[1] - sides[0]) / (2.0 * step)
+    return out
+
+
+def compressed_in_full(
+    problem: Problem, i: int, fitted: Array, loss: str, knee: float
+) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
+    """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
+    experiment = problem.experiments[i]
+    blocks, slopes = problem.blocks_of(i, fitted), problem.slopes(i, fitted)
+    full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
+    return as_triangle(blocks, full, loss, knee)
+
+
+def as_triangle(
+    blocks: Sequence[SensorTrace], full: Array, loss: str, knee: float
+) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
+    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
+    z = np.concatenate([b.residuals / b.noise for b in blocks])
+    size, weight = loss_of(z**2, loss, knee)
+    root = np.sqrt(weight)
+    basis, triangle = np.linalg.qr(root[:, None] * full)
+    rotated = basis.T @ (root * z)
+    rest = float(size.sum() - rotated @ rotated)
+    rows = np.concatenate([rotated, np.sqrt(np.maximum([rest], 0.0))])
+    sums = [(b.record, b.sensor, Sums.of(b.residuals)) for b in blocks]
+    return rows, np.concatenate([triangle, np.zeros((1, triangle.shape[1]))]), float(weight @ z**2), sums
+
+
 FAILED = 1e4
 """Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
 
@@ -67,7 +379,7 @@ class Problem:
     def _names(self, i: int) -> tuple[str, ...]:
         return tuple(dict.fromkeys(target.name for _, target in self._acting(i)))
 
-    def _acting(self, i: int) -> list[tuple[int, Target]]:
+    def _acting(self, i: int) -> list[tuple[int, Influence]]:
         """Return position and target of every unknown that acts in an experiment; several may act on one name."""
         there = [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
         return [(k, target) for k, target in there if target.name not in (OFFSET, RATE)]
@@ -88,11 +400,11 @@ class Problem:
             slopes[place[t.name], k] += t.factor * self.unknowns[k].slope(float(fitted[k]))
         return values, slopes
 
-    def blocks(self, fitted: Array) -> list[Block]:
+    def blocks(self, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor of every record."""
         return [block for i in range(len(self.experiments)) for block in self.blocks_of(i, fitted)]
 
-    def blocks_of(self, i: int, fitted: Array) -> list[Block]:
+    def blocks_of(self, i: int, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor of a record."""
         out, bench = [], self.bench(i, fitted)
         x, _ = self.inputs(i, fitted)
@@ -101,7 +413,7 @@ class Problem:
             bias, _ = self._bias(o.sensor, fitted)
             predicted = columns[o.index, k] + bias
             times = bench.experiment.times[o.index]
-            out.append(Block(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
+            out.append(SensorTrace(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
@@ -165,14 +477,19 @@ class Problem:
             return np.full(self.samples, FAILED)
 
     @property
+    def clocked(self) -> bool:
+        """Whether a record has a second clock that is known within a range only."""
+        return any(e.ticks is not None for e in self.experiments)
+
+    @property
     def samples(self) -> int:
         """How many readings there are."""
         return sum(o.index.size for e in self.experiments for o in e.observations)
 
     @property
-    def worth(self) -> float:
+    def effective_samples(self) -> float:
         """Independent samples that they are worth by what is said of their noise."""
-        return sum(o.worth for e in self.experiments for o in e.observations)
+        return sum(o.effective_samples for e in self.experiments for o in e.observations)
 
     def square(self, found: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
@@ -225,7 +542,7 @@ class Problem:
         return [o for e in self.experiments for o in e.observations]
 
 
-class Predictions(Sequence[Block]):
+class Predictions(Sequence[SensorTrace]):
     """Blocks that are predicted when they are first looked at; what a fit needs of them it has in its sums.
 
     Parameters
@@ -239,18 +556,18 @@ class Predictions(Sequence[Block]):
         self.sums, self.problem, self.fitted = tuple(sums), problem, fitted
         self.memo = Memo()
 
-    def _blocks(self) -> tuple[Block, ...]:
+    def _blocks(self) -> tuple[SensorTrace, ...]:
         return self.memo.made("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
 
     @overload
-    def __getitem__(self, at: int) -> Block: ...
+    def __getitem__(self, at: int) -> SensorTrace: ...
     @overload
-    def __getitem__(self, at: slice) -> tuple[Block, ...]: ...
-    def __getitem__(self, at: int | slice) -> Block | tuple[Block, ...]:
+    def __getitem__(self, at: slice) -> tuple[SensorTrace, ...]: ...
+    def __getitem__(self, at: int | slice) -> SensorTrace | tuple[SensorTrace, ...]:
         """Return a block, or several."""
         return self._blocks()[at]
 
-    def __iter__(self) -> Iterator[Block]:
+    def __iter__(self) -> Iterator[SensorTrace]:
         """Yield the blocks."""
         return iter(self._blocks())
 

@@ -30,7 +30,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Target:
+class Influence:
     """Where an unknown acts: the value of `name` in the wiring of an experiment is ``offset + factor * unknown``."""
 
     experiment: int
@@ -58,7 +58,7 @@ class Unknown:
 
     name: str
     kind: str
-    targets: tuple[Target, ...]
+    targets: tuple[Influence, ...]
     start: float
     log: bool = False
     low: float = -math.inf
@@ -98,7 +98,7 @@ class Unknown:
 
 
 def parameter_unknown(
-    path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Target], prior: Prior | None
+    path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
 ) -> Unknown:
     """Return the unknown that a freed parameter is.
 

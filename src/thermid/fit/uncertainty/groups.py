@@ -1,19 +1,136 @@
-"""Unknowns that act together: which combinations of them the readings know, and which they do not."""
+"""Unknowns that act together: which combinations of them the readings know, which they do not, and in which words."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.uncertainty.grouping import SAME, Combination, Group
-from thermid.fit.uncertainty.information import Information, null_space
+from thermid.fit.uncertainty.information import Information
+from thermid.linear_algebra import RANK_TOLERANCE, null_space, pseudo_inverse
+from thermid.measure.amounts import short
 from thermid.units import NAMES, unit
 
 Array = NDArray[np.float64]
+SAME = 1e-3
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A combination of parameters that is known although its members are not.
+
+    Parameters
+    ----------
+    text : str                  As a formula of the paths.
+    value, error : float        Its value and standard error. [SI]
+    unit : str                  SI unit, where it has a name; empty otherwise.
+    meaning : str               What it sets: 'the temperature rise', 'the time constant', 'the rate of warming'; empty otherwise.
+    """
+
+    text: str
+    value: float
+    error: float
+    unit: str
+    meaning: str = ""
+
+    @property
+    def relative(self) -> float:
+        """Standard error over value. [-]"""
+        return self.error / abs(self.value) if self.value else np.inf
+
+    def __str__(self) -> str:
+        """Formula, value and error."""
+        unit_text = f" {self.unit}" if self.unit else ""
+        meaning = f", which sets {self.meaning}" if self.meaning else ""
+        return f"{self.text} = {self.value:.4g}{unit_text} +- {percent(self.relative)}{meaning}"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Parameters that cannot be told apart, or hardly.
+
+    Parameters
+    ----------
+    names : tuple of str                The parameters.
+    structural : bool                   Whether no log of this kind can separate them; else it is this log that cannot.
+    form : str                          'power law', 'sum', 'series' (sum of reciprocals) or 'mixture'.
+    moves : tuple of dict               Name -> relative change; such a change of all together changes no reading (structural), or none by
+                                        more than its noise allows, all readings taken together (else).
+    known : tuple of Combination        What is known of them.
+    """
+
+    names: tuple[str, ...]
+    structural: bool
+    form: str
+    moves: tuple[dict[str, float], ...]
+    known: tuple[Combination, ...]
+
+    @property
+    def pair(self) -> str:
+        """'product' or 'ratio' where two parameters act only so; empty otherwise."""
+        if not (self.structural and self.form == "power law" and len(self.names) == 2):
+            return ""
+        first, second = (self.moves[0][n] for n in self.names)
+        return "product" if abs(first + second) < SAME else "ratio" if abs(first - second) < SAME else ""
+
+    @property
+    def acting(self) -> str:
+        """How they act, in words; empty where that has none."""
+        if self.pair:
+            return f"they act only as a {self.pair}"
+        return {"sum": "they act only as a sum", "series": "they act only as a sum of reciprocals"}.get(self.form, "")
+
+    def __str__(self) -> str:
+        """What cannot be told, and what is known instead, in words."""
+        who = listed(self.names)
+        if self.structural and self.acting:
+            told = f"{who} cannot be told apart; {self.acting}"
+        elif self.structural and self.form == "mixture":
+            moves = " or ".join(_percents({n: 0.1 * w for n, w in m.items()}) for m in self.moves)
+            told = f"{who} cannot be told apart: near these values, {moves} together changes no reading"
+        elif self.structural:
+            told = f"{who} cannot be told apart: {' or '.join(together(m, len(self.names)) for m in self.moves)} changes no reading"
+        else:
+            told = f"{who} are hardly told apart: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
+        return told + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as words.
+
+    >>> listed(["a", "b", "c"])
+    "'a', 'b' and 'c'"
+    """
+    quoted = [f"'{n}'" for n in names]
+    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"
+
+
+def percent(relative: float) -> str:
+    """Return a relative error as a reader takes it in.
+
+    >>> percent(0.00561), percent(0.2), percent(float("inf")), percent(40.0)
+    ('0.56 %', '20 %', 'unlimited', 'a factor of 40')
+    """
+    if not np.isfinite(relative) or relative > 1e4:
+        return "unlimited"
+    return f"a factor of {short(relative)}" if relative > 3.0 else f"{short(100.0 * relative)} %"
+
+
+def together(move: dict[str, float], of: int) -> str:
+    """Return a change of several parameters, of so many, that changes nothing."""
+    if len({round(w, 3) for w in move.values()}) == 1:
+        return f"multiplying {'all of them' if len(move) == of else listed(list(move))} by any one factor"
+    return f"changing {', '.join(f'{n} by x^{w:.3g}' for n, w in move.items())} together, with any x,"
+
+
+def _percents(move: dict[str, float]) -> str:
+    return " with ".join(f"{n} {100 * w:+.2g} %" for n, w in move.items())
+
+
 SHARE, CORRELATED = 0.02, 0.8
 ANGLE = 3e-4
 """Two null spaces are one when no direction of the second leans out of the first by more, in relative changes; where a law holds they
@@ -97,10 +214,10 @@ def _same_space(a: Array, b: Array) -> bool:
 def _combinations(info: Information, at: list[int], null: Array, form: str, scale: Array) -> tuple[Combination, ...]:
     """Return what is known of a group, in as few terms as there are: every row has one member that no other row has."""
     u, s, _ = np.linalg.svd(null / np.linalg.norm(null, axis=0), full_matrices=True)
-    complement = u[:, int((s > 1e-9).sum()) :]
+    complement = u[:, int((s > RANK_TOLERANCE).sum()) :]
     if not complement.shape[1]:
         return ()
-    covariance = _pseudo(info)[np.ix_(at, at)]
+    covariance = pseudo_inverse(info.rows)[np.ix_(at, at)]
 
     def variance(weights: Array) -> float:
         gradient = weights * scale
@@ -109,15 +226,6 @@ def _combinations(info: Information, at: list[int], null: Array, form: str, scal
     hidden = [k for k, place in enumerate(at) if unit(info.unknowns[place].unit).dimension in INNER]
     weights = _few_terms(complement, variance, hidden)
     return tuple(_combination(info, at, w, form, variance(w)) for w in weights)
-
-
-def _pseudo(info: Information) -> Array:
-    """Return the pseudo-inverse of the information, right for combinations that are known."""
-    rows = info.rows
-    length = np.linalg.norm(rows, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    found = np.linalg.pinv(rows / length, rcond=1e-6)
-    return np.asarray(found @ found.T / np.outer(length, length))
 
 
 def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Sequence[int] = ()) -> Array:

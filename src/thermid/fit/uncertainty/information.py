@@ -1,22 +1,28 @@
-"""What readings and priors hold about the unknowns of a fit, as rows whose squares add up."""
+"""Information: what readings and priors hold about the unknowns of a fit, and the consider covariance of what it held fixed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.fit.least_squares.solve import at_least_square
+from thermid.fit.minimisation import Fit, ended
+from thermid.fit.problem.gather import problem_for, problem_of
+from thermid.fit.problem.request import Request, form, key_for, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
+from thermid.knowledge.sources import Normal, Source
+from thermid.knowledge.store import State
+from thermid.knowledge.values import rooted
+from thermid.linear_algebra import covariance, rank
+from thermid.model.tree.resolve import ParameterSet
 from thermid.simulation.solver.engine import Options
 
 Array = NDArray[np.float64]
-RANK_TOLERANCE = 1e-6
-LOST = 1e-3
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)
 """Tight enough that a direction without information shows as such and not as the integrator's error.
 
@@ -100,7 +106,7 @@ class Information:
         rows = self.rows if more is None else np.concatenate([self.rows, more])
         kept = [k for k in range(len(self.unknowns)) if k not in held]
         out = np.zeros((len(self.unknowns),) * 2)
-        out[np.ix_(kept, kept)] = inverse(rows[:, kept])
+        out[np.ix_(kept, kept)] = covariance(rows[:, kept])
         return out
 
     def errors(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
@@ -110,48 +116,9 @@ class Information:
 
     def rank(self) -> int:
         """How many independent facts about the parameters the readings hold, what constant errors may do taken off."""
-        at = list(self.parameters)
         rows = np.concatenate([self.data, self.nuisance])
-        rest = [k for k in range(rows.shape[1]) if k not in at]
-        part = rows[:, at]
-        if rest:
-            length = np.linalg.norm(rows[:, rest], axis=0)
-            basis, s, _ = np.linalg.svd(rows[:, rest] / np.where(length > 0, length, 1.0), full_matrices=False)
-            basis = basis[:, s > RANK_TOLERANCE * max(s[0], 1e-300)]
-            part = part - basis @ (basis.T @ part)
-        size = np.linalg.norm(rows[:, at], axis=0)
-        singular = np.linalg.svd(part / np.where(size > 0, size, 1.0), compute_uv=False)
-        return int((singular > RANK_TOLERANCE).sum())
-
-
-def inverse(rows: Array) -> Array:
-    """Return (rows' rows)^-1; an unknown that has a part in a direction without information gets an infinite variance."""
-    if rows.shape[1] == 0:
-        return np.zeros((0, 0))
-    scale = np.linalg.norm(rows, axis=0)
-    dead = scale <= 1e-12 * scale.max(initial=0.0)
-    scale = np.where(dead, 1.0, scale)
-    _, s, v = np.linalg.svd(at_least_square(np.where(dead, 0.0, rows / scale)), full_matrices=False)
-    weak = s <= RANK_TOLERANCE * s[0]
-    inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
-    out = (v.T * inverted**2) @ v / np.outer(scale, scale)
-    lost = np.linalg.norm(v[weak], axis=0) > LOST
-    out[lost, lost] = np.inf
-    return np.asarray(out)
-
-
-def null_space(rows: Array) -> Array:
-    """Return the directions (directions, unknowns) that no row sees, in the fitted form; unknowns that no row depends on are left out."""
-    length = np.linalg.norm(rows, axis=0)
-    seen = np.flatnonzero(length > 1e-12 * length.max(initial=0.0))
-    out = np.zeros((0, rows.shape[1]))
-    if seen.size < 2:
-        return out
-    _, s, v = np.linalg.svd(at_least_square(rows[:, seen] / length[seen]), full_matrices=False)
-    null = v[s < RANK_TOLERANCE * s[0]]
-    out = np.zeros((null.shape[0], rows.shape[1]))
-    out[:, seen] = null / length[seen]
-    return out
+        others = [k for k in range(rows.shape[1]) if k not in self.parameters]
+        return rank(rows[:, list(self.parameters)], rows[:, others])
 
 
 def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Information | None:
@@ -171,3 +138,208 @@ def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Infor
         return Information.of(problem, moved, spread)
     except SolverError:
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """The residuals of a fit with some of its fixed values among the unknowns.
+
+    Parameters
+    ----------
+    problem : Problem           Its unknowns are those of the fit, in their order, and then the opened ones.
+    fitted : array (unknowns,)  Where the fit ended, in the fitted form; what it took as fixed stands where it stood.
+    own : int                   How many unknowns the fit itself had.
+    """
+
+    problem: Problem
+    fitted: Array
+    own: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the opened values, in the order of their columns."""
+        return tuple(u.name for u in self.problem.unknowns[self.own :])
+
+
+def opened_at(
+    request: Request,
+    problem: Problem,
+    fitted: Array,
+    groups: Sequence[Sequence[str]],
+    *,
+    instruments: bool = False,
+    known: Mapping[str, float] | None = None,
+) -> Opened:
+    """Return the residuals of a fit with some of its fixed values opened, at the values at which it ended.
+
+    Parameters
+    ----------
+    request : Request       What the fit was asked.
+    problem : Problem       Its residuals, with the noise that was used.
+    fitted : array          Where it ended, in the fitted form.
+    groups : sequence       The fixed values, each as the paths where it acts; the first one names it. What is an unknown of the fit, or is
+                            derived from others in its model, is left out: see `Opened.names`. A path with another value does not act.
+    instruments : bool      Whether constant errors of instruments that the fit took as fixed are opened too.
+    known : dict            Name -> value [SI] of what is opened, where it is not the one in the model.
+    """
+    experiments = problem.experiments
+    if instruments:
+        request = replace(request, held_bias={}, held_errors=None)
+        experiments = problem_for(request).experiments
+    own = {u.name: k for k, u in enumerate(problem.unknowns)}
+    acting = {p for u in problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
+    parameters = experiments[0].network.flat.parameters
+    free = [[p for p in group if p not in acting] for group in groups]
+    chosen = [_alike(parameters, rest) for rest, group in zip(free, groups, strict=True) if rest[:1] == list(group[:1])]
+    wider = problem_of(request, experiments, [group for group in chosen if group])
+    of = {u.name: u for u in wider.unknowns}
+    unknowns = [*(of[name] for name in own), *(u for u in wider.unknowns if u.name not in own)]
+    more = [u.to_fitted((known or {}).get(u.name, u.start)) for u in unknowns[len(own) :]]
+    made = Problem(wider.experiments, tuple(unknowns), problem.noise, problem.options, wider.fixed_bias, problem.coupled)
+    return Opened(made, np.concatenate([fitted, more]), len(own))
+
+
+def _alike(parameters: ParameterSet, group: Sequence[str]) -> tuple[str, ...]:
+    """Return the paths of a group that hold its value here; none where its first one is derived from others, or is not there."""
+    table = parameters.table
+    here = [p for p in group if p in table and table[p].parameter.is_literal]
+    if here[:1] != list(group[:1]):
+        return ()
+    values = parameters.evaluate({}, here)
+    return tuple(p for p in here if math.isclose(values[p], values[here[0]], rel_tol=1e-9))
+
+
+def opened_jacobian(at: Opened, loss: str = "linear", knee: float = 1.0) -> tuple[Array, Array]:
+    """Return the derivatives of the weighted residuals with respect to the fit's own unknowns and to the opened values.
+
+    Both have the same rows, in as few as hold the same information (`Fit.jacobian`); the weights of a robust loss are in them. With A and B
+    the two, an error dq of the opened values moves the fit by ``-C A'B dq``, C the covariance that its weights stand for.
+    """
+    jacobian = ended(at.problem, at.fitted, loss, knee).jacobian
+    return jacobian[:, : at.own], jacobian[:, at.own :]
+
+
+STANDARD = Normal()
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """What the errors of a fit come from.
+
+    Parameters
+    ----------
+    rows : array (unknowns, sources)    Responses to what was known before, in the fitted form.
+    sources : tuple of Source           What they respond to.
+    noise : array (unknowns, unknowns)  Covariance by the noise of the readings, and by what is known of single records.
+    unlimited : array (unknowns,)       Which unknowns the data say nothing of.
+    """
+
+    rows: Array
+    sources: tuple[Source, ...]
+    noise: Array
+    unlimited: NDArray[np.bool_]
+
+    @property
+    def total(self) -> Array:
+        """The covariance of the unknowns: the consider covariance of all that was fixed is part of it."""
+        out = self.rows @ self.rows.T + self.noise
+        out[self.unlimited, :] = out[:, self.unlimited] = 0.0
+        out[self.unlimited, self.unlimited] = np.inf
+        return np.asarray(out)
+
+    def of(self, kept: list[int], key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
+        """Return the rows of some unknowns with columns for their noise, named by the key of the stage and a number."""
+        own, sources = rooted(self.noise[np.ix_(kept, kept)], key, words)
+        return np.concatenate([self.rows[kept], own], axis=1), (*self.sources, *sources)
+
+
+def responses(request: Request, problem: Problem, found: Fit, level: float, random: Array, weights: Array) -> Responses:
+    """Return what the errors of a fit come from.
+
+    With A and B the derivatives of the weighted residuals with respect to what was looked for and what was fixed, P the covariance of the
+    priors and ``C = (A'A / level + P^-1)^-1``, an error of the priors moves the result by ``C P^-1`` times itself, one of what was fixed
+    by ``-C A'B / level`` (consider covariance: Tapley, Schutz, Born, Statistical Orbit Determination, 2004, ch. 6).
+
+    Parameters
+    ----------
+    level : float       Variance of residuals that do not wander, in squares of the noise.
+    random : array      Covariance by the scatter of the residuals; see `covariances`.
+    weights : array     C.
+    """
+    unknowns = problem.unknowns
+    unlimited = ~np.isfinite(np.diag(weights))
+    finite = np.where(np.isfinite(weights), weights, 0.0)
+    noise = np.where(np.isfinite(random), random, 0.0)
+    before = known_before(request, unknowns)
+    table = _Table()
+    if before.at.size:
+        root = before.root
+        table.add(before.sources, finite[:, before.at] @ (root.T @ root) @ before.rows)
+    below = set(before.at.tolist())
+    for k, u in enumerate(unknowns):
+        if u.prior is None or (k in below and u.kind != "parameter"):
+            continue
+        own = finite[:, [k]] / u.prior.sd
+        if u.kind == "local":
+            noise = noise + own @ own.T
+        else:
+            table.add((_stated(request, u),), own)
+    held = _fixed(request, unknowns)
+    if held and unknowns:
+        _consider(table, request, problem, found, held, finite / level)
+    rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
+    return Responses(rows, tuple(table.sources.values()), noise, unlimited)
+
+
+@dataclass
+class _Table:
+    """Columns of responses by the name of their source; what answers to one source twice is added."""
+
+    sources: dict[str, Source] = field(default_factory=dict)
+    columns: dict[str, Array] = field(default_factory=dict)
+
+    def add(self, sources: Sequence[Source], rows: Array) -> None:
+        """Add responses (unknowns, sources)."""
+        for source, column in zip(sources, rows.T, strict=True):
+            self.sources[source.name] = source
+            self.columns[source.name] = self.columns.get(source.name, 0.0) + column
+
+
+def _stated(request: Request, u: Unknown) -> Source:
+    """Return the source that the stated prior of an unknown is; that of an instrument is one and the same in every stage."""
+    if u.kind == "parameter":
+        words = f"prior of {u.name}, stated in {request.name or request.model.title}"
+        return Source(f"{key_for(request)[:16]}:prior of {u.name}", "stated", STANDARD, words)
+    return Source(f"accuracy: {u.name}", "instrument", STANDARD, f"stated accuracy, {u.name}")
+
+
+def covering(unknowns: tuple[Unknown, ...] | list[Unknown]) -> set[str]:
+    """Return every path and instrument that a fit looks for, instances that share a value among them."""
+    return {n for u in unknowns if u.kind != "local" for n in (u.name, *u.also)}
+
+
+def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
+    """Return what is known with an error and was not looked for."""
+    here, store = covering(unknowns), request.store
+    return [
+        s
+        for s in store.states.values()
+        if s.known and store.rows([s.path]).any() and (set(s.acts) - here if s.kind == "parameter" else s.path not in here)
+    ]
+
+
+def _consider(table: _Table, request: Request, problem: Problem, found: Fit, fixed: list[State], gain: Array) -> None:
+    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy."""
+    here = covering(problem.unknowns)
+    groups = {s.path: tuple(p for p in s.acts if p not in here) for s in fixed if s.kind == "parameter"}
+    named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}
+    instruments = bool(request.held_bias) or request.held_errors is not None
+    opened = opened_at(request, problem, found.fitted, list(groups.values()), instruments=instruments)
+    own, other = opened_jacobian(opened, request.loss, request.knee)
+    moves = -gain @ own.T @ other
+    for k, u in enumerate(opened.problem.unknowns[opened.own :]):
+        if u.name in named:
+            row = request.store.rows([named[u.name].path])[0] * form(named[u.name], u)
+            table.add(request.store.sources, np.outer(moves[:, k], row))
+        elif u.prior is not None:
+            table.add((_stated(request, u),), moves[:, [k]] * u.prior.sd)

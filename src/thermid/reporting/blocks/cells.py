@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from thermid.knowledge.values import FittedValue
-from thermid.sourced.marks import MARKS
+from thermid.sourced import MARKS
 from thermid.units import unit
 
 DASH = "\u2013"

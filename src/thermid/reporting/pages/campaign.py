@@ -24,7 +24,7 @@ from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 
 if TYPE_CHECKING:
-    from thermid.fit.problem.residuals import Block
+    from thermid.fit.problem.residuals import SensorTrace
     from thermid.model.tree.model import Model
     from thermid.simulation.solution import Solution
 
@@ -36,7 +36,7 @@ FEW = 4
 class Trace:
     """One trace that is drawn, what marks it (best, median or worst), and the model where several stand together."""
 
-    block: Block
+    block: SensorTrace
     mark: str
     model: str
     drawn: Drawn
@@ -169,7 +169,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
     return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
 
 
-def _traces(blocks: Sequence[Block], key: str, models: Mapping[int, str] | None = None) -> Traces:
+def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> Traces:
     """Return the traces to draw; `models` names the model of each block by its identity."""
     chosen = figures.choose(blocks)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""

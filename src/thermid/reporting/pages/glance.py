@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermid.campaign.stages import Campaign
-from thermid.fit.calibration import Calibration
-from thermid.fit.contradicted import BLAME
-from thermid.fit.uncertainty.moves import MOVED
+from thermid.fit.calibration import BLAME, Calibration
+from thermid.fit.uncertainty.moved import MOVED
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.resolve import ParameterSet
 from thermid.physics.constants import ICE_POINT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty.moves import MOVED, NOT_REJECTED, UNDECIDED, Group, Move
+from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, significant
 from thermid.units import unit
 
@@ -52,7 +52,7 @@ def _line(m: Move) -> Line:
     ]  # fmt: skip
 
 
-def _group(g: Group) -> Line:
+def _group(g: MovedGroup) -> Line:
     what = Cell(g.name, ", ".join(g.paths), "main")
     square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
     return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]

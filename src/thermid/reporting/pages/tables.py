@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thermid.campaign.stages import Campaign
-from thermid.fit.calibration import Calibration
-from thermid.fit.sensors import instrument_shares, sensor_shares
+from thermid.fit.calibration import Calibration, instrument_shares, sensor_shares
 from thermid.judge.criteria import Check
 from thermid.judge.metrics import largest, metric
 from thermid.judge.verdict import Verdict

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.problem.residuals import Block
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.sections import Drawn, Entry
 from thermid.reporting.pictures.chart import Area, Line, Panel, chart, nice_ticks, number_text
@@ -67,7 +67,7 @@ def time_unit(duration: float) -> tuple[float, str]:
     return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")
 
 
-def choose(blocks: Sequence[Block], most: int = MOST_TRACES) -> list[tuple[Block, str]]:
+def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple[SensorTrace, str]]:
     """Return the traces to draw with what marks them: all when there are few, else best, median and worst of each sensor and some between.
 
     Parameters
@@ -126,7 +126,7 @@ def compared(times: Array, measured: Array, predicted: Array, key: str, label: s
     return Drawn(markup, tuple(entries), points)
 
 
-def trace(block: Block, key: str, label: str) -> Drawn:
+def trace(block: SensorTrace, key: str, label: str) -> Drawn:
     """Return measured against simulated readings of one sensor in one record, with the residuals below.
 
     Parameters

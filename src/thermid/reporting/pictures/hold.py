@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermid.monte_carlo.hold import Hold, HoldPoint, driven_by
-from thermid.monte_carlo.hold_times import clock
+from thermid.monte_carlo.hold import Hold, HoldPoint, clock, driven_by
 from thermid.reporting.pictures.figures import DASHES, INK, SERIES, SOFT, time_unit
 
 if TYPE_CHECKING:

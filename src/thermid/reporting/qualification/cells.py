@@ -6,7 +6,7 @@ import math
 
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import DASH, Cell, plain
-from thermid.sourced.marks import MARKS
+from thermid.sourced import MARKS
 
 
 def verdict(passed: bool | None, why: str = "") -> Cell:

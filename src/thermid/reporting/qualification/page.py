@@ -18,7 +18,7 @@ from thermid.reporting.qualification import judged, tables
 from thermid.reporting.qualification.cells import hours
 from thermid.reporting.qualification.figures import course
 from thermid.reporting.qualification.sections import all_overlays, sections
-from thermid.sourced.marks import VERDICTS, weigh
+from thermid.sourced import VERDICTS, weigh
 from thermid.units import counted
 
 

@@ -16,7 +16,7 @@ from thermid.reporting.qualification import judged, tables
 from thermid.reporting.qualification import margins as concluded
 from thermid.reporting.qualification.cells import hours, mark
 from thermid.reporting.qualification.figures import overlay
-from thermid.sourced.marks import VERDICTS
+from thermid.sourced import VERDICTS
 
 SYNTHETIC = "synthetic"
 

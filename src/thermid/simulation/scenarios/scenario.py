@@ -10,7 +10,7 @@ from typing import Any
 from thermid.errors import ScenarioError, nearest
 from thermid.model.laws.signal import Constant, Signal, Table, check_span, literal, own_signal, signal
 from thermid.network.environment import Environment
-from thermid.network.irradiation import Irradiation, OpenSky
+from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.medium import Media
 from thermid.units import TEMPERATURE
 
@@ -76,7 +76,7 @@ class Scenario:
     schedule : dict         Parameter path -> signal in the parameter's unit.
     prescribed : dict       Node -> temperature that drives it. [K]
     environment : dict      Gas node -> `Environment`; ``*`` for every gas not named.
-    irradiation : dict      Surface -> `Irradiation` on it; ``*`` -> the `OpenSky` over every surface outdoors.
+    irradiation : dict      Surface -> `Irradiation` on it; ``*`` -> the `Sky` over every surface outdoors.
     start : str or float    A temperature, the name of a boundary (its temperature at the beginning), ``steady`` (settled under the inputs
                             of time zero), ``steady, 2 [h]`` (of another time), ``steady, mean`` (under their means) or ``periodic`` (the
                             state that comes back after every period of the inputs).
@@ -93,7 +93,7 @@ class Scenario:
     schedule: Mapping[str, Any] = field(default_factory=dict)
     prescribed: Mapping[str, Any] = field(default_factory=dict)
     environment: Mapping[str, Environment] = field(default_factory=dict)
-    irradiation: Mapping[str, Irradiation | OpenSky] = field(default_factory=dict)
+    irradiation: Mapping[str, Irradiation | Sky] = field(default_factory=dict)
     start: str | float = ""
     initial: Mapping[str, Any] = field(default_factory=dict)
     duration: str | float = 0.0
@@ -169,7 +169,7 @@ class Scenario:
         if seconds == 0.0:
             return self
         moved = self.mapped(lambda s: s.shifted(seconds), but)
-        skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, OpenSky) and k not in but}
+        skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, Sky) and k not in but}
         return replace(moved, irradiation={**moved.irradiation, **skies})
 
     def check_spans(self) -> None:

@@ -43,7 +43,7 @@ class Squares:
     rotated : array (columns,)              z.
     cost : float                            Sum of the loss over all residuals, the sum of squares for a linear one. [-]
     chi_square : float                      Sum of squares, each weighed as a robust loss weighs it. [-]
-    sums : array (channels, 7)              Of each channel's residuals, as `thermid.fit.problem.statistics.Sums` has them. [K]
+    sums : array (channels, 7)              Of each channel's residuals, as `thermid.fit.problem.residuals.Sums` has them. [K]
     mesh : array (steps,)                   When the integrator's steps ended. [s]
     """
 

@@ -1,0 +1,597 @@
+"""Autocorrelated residuals and noisy inputs: how many independent samples a trace is worth, and what its readings then say.
+
+White noise plus an exponentially autocorrelated deviation, by restricted likelihood: one estimate for the errors of a fit
+(`autocorrelation`), and all that the residuals allow for tests of values known before (`weighed`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.fit.minimisation import Fit, covariances
+from thermid.fit.problem.experiment import SCALE, Experiment
+from thermid.fit.problem.residuals import Bench, Problem, loss_of
+from thermid.linear_algebra import square_root
+from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.tree.flat import FlatLoad
+
+Array = NDArray[np.float64]
+
+STRETCHES = 80
+"""A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
+
+
+def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
+    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
+
+    Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause, so that J'r moves by the sum of
+    g_k n_k with g_k = J'h_k / sigma: covariance ``sum sd^2 g_k g_k'``. The h of a stretch of samples is the difference of two answers of
+    the readings to a step of the signal, one begun where the stretch begins and one where it ends; the answer to a step is taken from the
+    sensitivity to a constant shift of the signal, with the start held: one run for all stretches, exact where coefficients do not change.
+    The shift of a power is a further load of zero size.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : array (unknowns,)    The end of the fit, in the fitted form.
+    pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
+
+    Raises
+    ------
+    SolverError   When a record cannot be run.
+    """
+    size = len(problem.unknowns)
+    out = np.zeros((size, size))
+    for i, experiment in enumerate(problem.experiments):
+        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), Table)}
+        if not noisy or not size:
+            continue
+        seen = [pieces[experiment.record.name, o.sensor] for o in experiment.observations]
+        for path, times, answers in _answers(problem, i, fitted, list(noisy), [b.times for b in seen]):
+            begin, end = float(experiment.times[0]), float(experiment.times[-1])
+            times = times[(times >= begin) & (times <= end)]
+            if times.size < 2:
+                continue
+            edges = np.linspace(begin, end, min(STRETCHES, times.size) + 1)
+            count = np.bincount(np.clip(np.searchsorted(edges, times, side="right") - 1, 0, edges.size - 2), minlength=edges.size - 1)
+            moved = np.zeros((edges.size - 1, size))
+            for o, b, step in zip(experiment.observations, seen, answers, strict=True):
+                after = [step(b.times - edge) for edge in edges]
+                for k in range(edges.size - 1):
+                    moved[k] += (b.count * (after[k] - after[k + 1]) / o.sigma(problem.noise)) @ b.slopes
+            moved = moved[count > 0] / np.sqrt(count[count > 0])[:, None]
+            out += noisy[path] ** 2 * moved.T @ moved
+    return out
+
+
+def _signal(experiment: Experiment, path: str) -> Signal | None:
+    """Return the signal of a boundary, or of a power by the name of its scale."""
+    load = path.removeprefix(SCALE)
+    return experiment.scenario.loads.get(load) if load != path else experiment.scenario.boundaries.get(path)
+
+
+class _Step:
+    """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
+
+    def __init__(self, times: Array, answer: Array) -> None:
+        self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
+
+    def __call__(self, since: Array) -> Array:
+        return np.where(since > 0.0, np.interp(since, self.times, self.answer), 0.0)
+
+
+def _answers(
+    problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
+) -> Iterator[tuple[str, Array, list[_Step]]]:
+    """Yield every signal with the times of its samples [s] and the answer of each sensor to a step of it."""
+    given = problem.bench(i, fitted)
+    values, _ = problem.inputs(i, fitted)
+    experiment, named = _shifted(given.experiment, paths)
+    more = [p for p in named if p not in given.free]
+    bench = Bench.of(experiment, (*given.free, *more)) if more else given
+    x = np.concatenate([values, np.zeros(len(more))])
+    times = np.unique(np.concatenate(centres))
+    _, slopes = bench.temperatures(x, True, problem.options, times, from_rest=True)
+    since = times - float(given.experiment.times[0])
+    late = since > 0.0
+    for path, name in zip(paths, named, strict=True):
+        signal = _signal(given.experiment, path)
+        assert isinstance(signal, Table)
+        place = bench.free.index(name)
+        yield path, signal.instants, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
+
+
+def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, list[str]]:
+    """Return an experiment with a load of 1 W beside every logged power among some signals, and what is free to shift each signal."""
+    network, scenario = experiment.network, experiment.scenario
+    nodes = {load.path: load.node for load in network.flat.loads}
+    beside = {p: f"noise {p.removeprefix(SCALE)}" for p in paths if p.startswith(SCALE)}
+    if not beside:
+        return experiment, list(paths)
+    loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
+    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
+    scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
+    made = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
+    return made, [SCALE + beside[p] if p in beside else p for p in paths]
+
+
+BINS = 80
+"""A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
+shows as a larger scatter of their means."""
+TIMES = 7
+"""Correlation times that are tried, from one stretch to half the record."""
+SURE = 5.0
+"""Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
+OWN = 0.5
+"""Share of what is known of a direction from which a trace is held to decide it alone."""
+FEWEST = 12
+"""Stretches beyond the unknowns, below which nothing can be said."""
+
+
+@dataclass(frozen=True)
+class TraceNoise:
+    """The residuals of one sensor in one record, as an independent part and one that wanders.
+
+    Parameters
+    ----------
+    record, sensor : str
+    samples : int
+    white_variance : float      Variance of the independent part, in squares of the noise; 0 where nothing wanders. [-]
+    correlated_variance : float     Variance of the autocorrelated part, in squares of the noise. [-]
+    correlation_time : float    Its correlation time. [s]
+    effective_samples : float   Independent samples that would say as much about a mean. [-]
+    """
+
+    record: str
+    sensor: str
+    samples: int
+    white_variance: float
+    correlated_variance: float
+    correlation_time: float
+    effective_samples: float
+
+
+@dataclass(frozen=True, eq=False)
+class Autocorrelation:
+    """Autocorrelation of the residuals of a fit, trace by trace, and what it does to the errors.
+
+    Parameters
+    ----------
+    traces : tuple of TraceNoise                 One per record and sensor.
+    variance_factor : float                 Variance of the white traces, in squares of the noise, never below 1. [-]
+    score_excess : array (unknowns, unknowns)   What autocorrelation, and the noise of logged signals, adds to the covariance of J'r, over
+                                            `variance_factor` times J'J; zeros where there is none.
+    """
+
+    traces: tuple[TraceNoise, ...]
+    variance_factor: float
+    score_excess: Array
+
+    @property
+    def effective_samples(self) -> dict[tuple[str, str], float]:
+        """(record, sensor) -> effective samples."""
+        return {(t.record, t.sensor): t.effective_samples for t in self.traces}
+
+
+@dataclass(frozen=True, eq=False)
+class Binned:
+    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom.
+
+    `effective_share` is what a sample is worth by what is said of its noise.
+    """
+
+    mean: Array
+    count: Array
+    times: Array
+    slopes: Array
+    within: float
+    inner: int
+    squares: float
+    effective_share: float = 1.0
+
+
+def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Autocorrelation:
+    """Return how the residuals of a fit wander, and what that does to J'r.
+
+    Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
+    change, independent errors, and a part with correlations ``exp(-|t1 - t2| / time)``; the variances and the time have the largest
+    restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545), which does not take for quietness what the fit has removed:
+    along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
+    Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
+    """
+    pieces = binned(problem, found.fitted, loss, knee)
+    spread = autocorrelation_of_traces(pieces, found, problem.effective_samples)
+    return replace(spread, score_excess=spread.score_excess + excess_of_inputs(problem, found.fitted, pieces))
+
+
+def autocorrelation_of_traces(pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float) -> Autocorrelation:
+    """Return the same of traces in stretches of time; `effective_samples` are those of all by what is said of their noise."""
+    size = found.fitted.size
+    weights = covariances(found)[2]
+    # directions without information count as decided by each trace alone
+    known = square_root(np.where(np.isfinite(weights), weights, 0.0))
+    # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
+    taken = float(np.trace(np.where(np.isfinite(weights), weights, 0.0) @ found.jacobian.T @ found.jacobian))
+    alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
+    parts = {key: _parts(b, known, alike) for key, b in pieces.items()}
+    calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
+    variance_factor = 1.0
+    if calm:
+        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in calm)
+        if len(calm) == len(parts):
+            squares = found.chi_square
+        variance_factor = max(1.0, squares / max(samples * (1.0 - taken / max(effective_samples, 1.0)), 1.0))
+    traces, score_excess = [], np.zeros((size, size))
+    for (record, sensor), (white, correlated, time) in parts.items():
+        b = pieces[record, sensor]
+        total = float(b.count.sum())
+        effective_size = total
+        if white > 0.0:
+            weighed = b.count[:, None] * b.slopes
+            like = correlation(b.times, time)
+            added = correlated * weighed.T @ like @ weighed
+            if b.effective_share < 1.0:
+                # the weights stand for correlated noise already; what residuals wander beyond that is added
+                score_excess += _not_below_zero((white - variance_factor) * b.slopes.T @ weighed + added)
+            else:
+                score_excess += max(white - variance_factor, 0.0) * b.slopes.T @ weighed + added
+            one = white if correlated > 0.0 else b.within
+            effective_size = total * min((one + correlated) / (white + correlated * float(b.count @ like @ b.count) / total), 1.0)
+        traces.append(TraceNoise(record, sensor, int(total), white, correlated, time, effective_size))
+    return Autocorrelation(tuple(traces), variance_factor, score_excess)
+
+
+def stretch_means(values: Array, place: NDArray[np.intp], size: int) -> Array:
+    """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
+    return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
+
+
+def binned_trace(z: Array, weighed: Array, place: NDArray[np.intp], centres: Array, slopes: Array, effective_share: float) -> Binned:
+    """Return a trace in the stretches that hold samples.
+
+    Parameters
+    ----------
+    z, weighed : array (samples,)           Residuals in units of the noise, and times the weight of a robust loss.
+    place : array (samples,)                Stretch of each sample.
+    centres : array (stretches,)            Times. [s]
+    slopes : array (stretches, unknowns)    Derivatives of the residuals.
+    """
+    count = np.bincount(place, minlength=centres.size).astype(float)
+    mean, full = stretch_means(weighed, place, centres.size), count > 0
+    inside, spare = weighed - mean[place], z.size - int(full.sum())
+    within = float(inside @ inside) / max(spare, 1)
+    return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
+
+
+def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0, bins: int = BINS) -> dict[tuple[str, str], Binned]:
+    """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
+    out: dict[tuple[str, str], Binned] = {}
+    blocks = iter(problem.blocks(fitted))
+    for i, experiment in enumerate(problem.experiments):
+        times = experiment.times
+        own, count = times.size <= 2 * BINS, min(bins, times.size // 2)
+        edges = times if own else np.linspace(times[0], times[-1], count + 1)[:-1]
+        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / count
+        slopes = problem.slopes(i, fitted, centres)
+        for k, o in enumerate(experiment.observations):
+            block = next(blocks)
+            z = block.residuals / o.sigma(problem.noise)
+            weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
+            place = np.searchsorted(edges, times[o.index], side="right") - 1
+            out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share)
+    return out
+
+
+def _not_below_zero(matrix: Array) -> Array:
+    """Return a symmetric matrix without its negative directions."""
+    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
+
+
+def correlation(times: Array, time: float) -> Array:
+    """Return the correlations (times, times) of what wanders with a correlation time [s]."""
+    return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
+
+
+def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
+    """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white.
+
+    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones.
+    """
+    root = np.sqrt(b.count)
+    decided, free = _beside(root[:, None] * b.slopes @ known)
+    spare = free.shape[1]
+    if spare < FEWEST:
+        return 0.0, 0.0, 0.0
+    y = free.T @ (root * b.mean)
+    calm = float(y @ y) / spare
+    if not calm > 0:
+        return 0.0, 0.0, 0.0
+    spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
+    times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
+    key = b.times.tobytes()
+    if key not in alike:
+        alike[key] = [correlation(b.times, time) for time in times]
+    likes = [root[:, None] * like * root for like in alike[key]]
+    lean = _leaning(likes, decided, free @ y, calm)
+    tried: dict[int, tuple[float, float, float]] = {}
+    at = int(lean.argmax())
+    while lean[at] > 1.0:  # uphill from the time towards which they lean most, by more than a standard deviation of chance
+        near = [k for k in (at - 1, at, at + 1) if 0 <= k < times.size and lean[k] > 1.0]
+        tried |= {k: _likeliest(free.T @ likes[k] @ free, y, calm) for k in near if k not in tried}
+        best = max(near, key=lambda k: tried[k][0])
+        if best == at:
+            break
+        at = best
+    gain, white, correlated = tried.get(at, (0.0, 0.0, 0.0))
+    time = float(times[at])
+    if gain <= SURE:
+        white, correlated, time = calm, 0.0, 0.0
+    # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
+    quick = b.inner > spare and white > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
+    return (white, correlated, time) if correlated > 0 or quick else (0.0, 0.0, 0.0)
+
+
+def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, float]:
+    """Return twice the gain in log-likelihood of a wandering part with some correlations, and the variances of both parts."""
+    sizes, vectors = np.linalg.eigh(within)
+    sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
+    ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
+    variances = 1.0 + ratios[:, None] * sizes
+    white = (parts / variances).mean(axis=1)
+    gain = y.size * np.log(calm) - y.size * np.log(white) - np.log(variances).sum(axis=1)
+    k = int(gain.argmax())
+    return float(gain[k]), float(white[k]), float(ratios[k] * white[k])
+
+
+def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: float) -> Array:
+    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering).
+
+    `decided` (stretches, directions) is what the trace alone decides; correlations count beside it, and `residuals` have none of it.
+    """
+    out = np.zeros(len(likes))
+    spare = decided.shape[0] - decided.shape[1]
+    for k, like in enumerate(likes):
+        across = like @ decided
+        inside = decided.T @ across
+        mean = (float(np.trace(like)) - float(np.trace(inside))) / spare
+        square = float(np.sum(like**2)) - 2.0 * float(np.sum(across**2)) + float(np.sum(inside**2))
+        spread = 2.0 * (square - spare * mean**2)
+        excess = float(residuals @ like @ residuals) / calm - spare * mean
+        out[k] = excess / np.sqrt(spread) if spread > 0 else np.inf * np.sign(excess)
+    return out
+
+
+def _beside(slopes: Array) -> tuple[Array, Array]:
+    """Return orthonormal bases (stretches, directions) of what a trace alone decides, and of all that it does not.
+
+    With `slopes` in units of standard errors of the whole fit, a singular value is the root of the trace's share in a direction.
+    """
+    if not slopes.size:
+        return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
+    basis, s, _ = np.linalg.svd(slopes, full_matrices=True)
+    count = int((s**2 > OWN).sum())
+    return np.asarray(basis[:, :count]), np.asarray(basis[:, count:])
+
+
+GRID_TIMES, RATIOS, SIZES = 9, 16, 7
+"""Nodes of the grid: correlation times, ratios of the variances of both parts, variances of the white part."""
+LARGEST, SMALLEST = 1e4, 0.05
+"""Ratios of the variance of the autocorrelated part to that of the white part of the mean of a stretch."""
+FLAT = 1e-9
+"""Information, in parts of what white noise would give, that stands for none."""
+SWEEPS, DRAWS = 1, 128
+"""How often each trace is asked again given the others, and noise models that are drawn where there are several traces."""
+NEGLIGIBLE, UNLIKELY, SMALL = 1e-3, 1e-5, 0.03
+"""Chance of a noise model, and of a node given the trace alone, beside the likeliest, and shift of readings in units of their white noise,
+below which they do not count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """What the data say of the unknowns under noise models that their residuals allow.
+
+    Parameters
+    ----------
+    weights : array (models,)                           Probability of each noise model.
+    information : array (models, unknowns, unknowns)    X' V^-1 X, X the derivatives of the readings and V the covariance of their noise.
+    scores : array (models, unknowns)                   X' V^-1 z, z the residuals.
+    """
+
+    weights: Array
+    information: Array
+    scores: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _TraceBasis:
+    """A trace in the bases in which its covariance is diagonal, one basis per correlation time.
+
+    `shrunk` (times, ratios, stretches) are the inverses of its variances, white noise alone being 1; `residuals` (times, stretches) and
+    `slopes` (times, stretches, acting) stand in these bases, divided by the white error of the mean of a stretch, with a column for each
+    unknown that acts on the trace at all; `acting` are their positions.
+    """
+
+    shrunk: Array
+    residuals: Array
+    slopes: Array
+    acting: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, b: Binned, scale: Array) -> _TraceBasis:
+        root = np.sqrt(b.count)
+        sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
+        turned = np.swapaxes(vectors, 1, 2)
+        shrunk = 1.0 / (1.0 + np.geomspace(SMALLEST, LARGEST, RATIOS)[:, None] * sizes[:, None, :])
+        acting = np.flatnonzero(b.slopes.any(axis=0))
+        slopes = root[:, None] * -b.slopes[:, acting] * scale[acting]
+        return cls(shrunk, turned @ (root * b.mean), turned @ slopes, acting)
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Probability (nodes, sizes) of the noise of a trace at some nodes (time and ratio in one), and the white variances there."""
+
+    nodes: NDArray[np.intp]
+    chance: Array
+    variances: Array
+
+
+@lru_cache(maxsize=8)
+def _bases(given: bytes, counts: bytes) -> tuple[Array, Array]:
+    """Return eigenvalues (times, stretches) and eigenvectors of the correlations of a trace, for every correlation time.
+
+    `given` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
+    """
+    times, count = np.frombuffer(given), np.frombuffer(counts)
+    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    tried = np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
+    typical = float(np.median(count))
+    root = np.sqrt(count / typical)
+    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in tried]
+    sizes, vectors = np.linalg.eigh(np.array([root[:, None] * tie * root for tie in ties]))
+    return np.maximum(sizes, 0.0), vectors
+
+
+def correlation_of_means(times: Array, samples: int, spacing: float, time: float) -> Array:
+    """Return the covariances (times, times) of means over stretches of what has the variance 1 and correlations ``exp(-t / time)``.
+
+    A stretch holds `samples` at equal distances, each x = spacing / samples / time of a correlation time. Means at different times have
+    the covariance ``exp(-t / time) (sinh(samples x / 2) / (samples sinh(x / 2)))^2``, and one mean the variance
+    ``(samples + 2 sum (samples - k) exp(-k x)) / samples^2``. Means are smoother than readings: taken for readings, they give errors a
+    tenth too small.
+    """
+    x = spacing / samples / time
+    k = np.arange(1, samples)
+    across = (np.sinh(0.5 * samples * x) / (samples * np.sinh(0.5 * x))) ** 2
+    out = np.asarray(across * correlation(times, time))
+    np.fill_diagonal(out, (samples + 2.0 * float((samples - k) @ np.exp(-k * x))) / samples**2)
+    return out
+
+
+def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float = 1.0) -> Weighed:
+    """Return what traces say of the unknowns, averaged over what their noise may be.
+
+    Parameters
+    ----------
+    pieces : sequence of Binned             The traces in stretches of time, at any values of the unknowns.
+    priors : array (unknowns, unknowns)     Information that is known beside the data, of unknowns that are not tested.
+    pulls : array (unknowns,)               Its scores there.
+    level : float                           Variance of the noise of traces too short to show theirs, in squares of the noise stated.
+
+    Notes
+    -----
+    The means over stretches of a trace have the covariance ``s (1/count + ratio exp(-|t1 - t2| / time))``. The three numbers have the
+    restricted likelihood of Patterson and Thompson (Biometrika 58 (1971) 545) times a prior flat in their logarithms, with every unknown
+    open but for `priors`, so that a shift of a value is not taken for noise. One trace is averaged over its grid. Of several, each has its
+    distribution given the others at their likeliest, and noise models are drawn from these (Latin hypercube, always the same).
+    """
+    scale = _scales(pieces, priors)
+    long = [b for b in pieces if b.count.size >= FEWEST]
+    traces = [_TraceBasis.of(b, scale) for b in long]
+    known, start = priors * np.outer(scale, scale), pulls * scale
+    for b in (b for b in pieces if b.count.size < FEWEST):
+        turned = b.slopes * scale
+        known = known + turned.T @ (b.count[:, None] * turned) / level
+        start = start - turned.T @ (b.count * b.mean) / level
+    back = 1.0 / np.outer(scale, scale)
+    if not traces:
+        return Weighed(np.ones(1), (known * back - priors)[None], (start / scale - pulls)[None])
+    weights, information, scores = _averaged(traces, known, start)
+    return Weighed(weights, information * back - priors, scores / scale - pulls)
+
+
+def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
+    """Return the standard error of every unknown alone, by white noise; of what nothing is said 1."""
+    square = np.diag(priors) + sum((b.count @ b.slopes**2 for b in pieces), np.zeros(priors.shape[0]))
+    return np.asarray(1.0 / np.sqrt(np.where(square > 0, square, 1.0)))
+
+
+def _averaged(traces: Sequence[_TraceBasis], known: Array, start: Array) -> tuple[Array, Array, Array]:
+    """Return weights, information and scores of noise models of several traces."""
+    grids = [_likely(t, known, start, np.arange(GRID_TIMES * RATIOS)) for t in traces]
+    if len(traces) == 1:
+        chance = grids[0].chance.ravel()
+        kept = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
+        information, scores = np.repeat(known[None], kept.size, axis=0), np.repeat(start[None], kept.size, axis=0)
+        _add(traces[0], information, scores, *_sums(traces[0], grids[0], kept))
+        return chance[kept] / chance[kept].sum(), information, scores
+    whole, vector = known.copy(), start.copy()
+    likeliest = [_sums(t, g, np.array([g.chance.argmax()])) for t, g in zip(traces, grids, strict=True)]
+    for t, (m, v) in zip(traces, likeliest, strict=True):
+        _add(t, whole, vector, m[0], v[0])
+    for _ in range(SWEEPS):
+        for k, t in enumerate(traces):
+            m, v = likeliest[k]
+            _add(t, whole, vector, -m[0], -v[0])
+            most = grids[k].chance.sum(axis=1)
+            grids[k] = _likely(t, whole, vector, grids[k].nodes[most > UNLIKELY * most.max()])
+            likeliest[k] = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
+            _add(t, whole, vector, likeliest[k][0][0], likeliest[k][1][0])
+    rng = np.random.default_rng(17)
+    information, scores = np.repeat(known[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
+    for t, g in zip(traces, grids, strict=True):
+        drawn = np.searchsorted(np.cumsum(g.chance.ravel()), (rng.permutation(DRAWS) + 0.5) / DRAWS)
+        kept, place = np.unique(np.minimum(drawn, g.chance.size - 1), return_inverse=True)
+        m, v = _sums(t, g, kept)
+        _add(t, information, scores, m[place], v[place])
+    return np.full(DRAWS, 1.0 / DRAWS), information, scores
+
+
+def _add(t: _TraceBasis, information: Array, scores: Array, more: Array, pushed: Array) -> None:
+    """Add what a trace says of the unknowns that act on it to information and scores of all of them, in place."""
+    information[..., t.acting[:, None], t.acting] += more
+    scores[..., t.acting] += pushed
+
+
+def _sums(t: _TraceBasis, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
+    of_node, of_size = np.divmod(flat, SIZES)
+    used, place = np.unique(of_node, return_inverse=True)
+    information, scores = [], []
+    for node in grid.nodes[used]:
+        at, ratio = divmod(int(node), RATIOS)
+        taken = t.slopes[at].T * t.shrunk[at, ratio]
+        information.append(taken @ t.slopes[at])
+        scores.append(taken @ t.residuals[at])
+    size = grid.variances[of_node, of_size]
+    return np.array(information)[place] / size[:, None, None], np.array(scores)[place] / size[:, None]
+
+
+def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: NDArray[np.intp]) -> _Grid:
+    """Return the probability of the noise of a trace at some nodes.
+
+    `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.
+    """
+    sizes, vectors = np.linalg.eigh(others + FLAT * np.eye(others.shape[0]))
+    root = vectors / np.sqrt(np.maximum(sizes, FLAT))
+    middle, root = (root @ (root.T @ vector))[t.acting], root[t.acting]
+    _, s, turn = np.linalg.svd(t.slopes[0] @ root, full_matrices=False)
+    of_time, of_ratio = np.divmod(nodes, RATIOS)
+    shrunk = t.shrunk[of_time, of_ratio]
+    z = (t.residuals - t.slopes @ middle)[of_time]
+    f = (t.slopes @ (root @ turn[s > SMALL].T))[of_time]
+    taken = shrunk[..., None] * f
+    square = np.sum(shrunk * z**2, axis=1)
+    spread, axes = np.linalg.eigh(np.swapaxes(f, 1, 2) @ taken)
+    spread = np.maximum(spread, 0.0)
+    part = (np.swapaxes(axes, 1, 2) @ (np.swapaxes(taken, 1, 2) @ z[..., None]))[..., 0] ** 2
+    count = z.shape[1]
+    variance = square / count
+    for _ in range(6):  # the likeliest white variance of each node, by its own equation
+        free = count - np.sum(spread / (spread + variance[:, None]), axis=1)
+        left = square - np.sum(part / (spread + variance[:, None]), axis=1)
+        variance = np.maximum(left, 1e-12 * square + 1e-300) / free
+    width = np.sqrt(2.0 / max(float(free.mean()), 4.0))
+    grid = variance[:, None] * np.exp(width * np.linspace(-2.4, 2.4, SIZES))
+    beside = spread[:, None, :] + grid[..., None]
+    quadratic = (square[:, None] - np.sum(part[:, None, :] / beside, axis=-1)) / grid
+    volume = np.log(grid) * (count - spread.shape[1]) + np.log(beside).sum(axis=-1) - np.log(shrunk).sum(axis=1)[:, None]
+    twice = -(quadratic + volume)
+    chance = np.exp(0.5 * (twice - twice.max()))
+    return _Grid(nodes, chance / chance.sum(), grid)

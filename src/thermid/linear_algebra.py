@@ -1,0 +1,129 @@
+"""Linear algebra of information: covariance, null space, pseudo-inverse, roots and the sandwich, with one rank tolerance.
+
+Rows J are derivatives of residuals in units of their errors: J'J is the information, and (J'J)^-1 the covariance of the unknowns. Columns
+are scaled to length one first, so that no unit decides what counts as nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RANK_TOLERANCE = 1e-6
+"""Singular value of scaled rows, beside the largest, up to which a direction holds no information: derivatives of a run are not good to
+more. Eigenvalues of J'J and of a covariance are squares of these, so that theirs is its square."""
+LOST = 1e-3
+"""Part that an unknown may have in directions without information and still count as known."""
+NOTHING = 1e-12
+"""Length of a column, beside the longest, up to which no row depends on its unknown."""
+
+
+def scaled(rows: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return rows with columns of length one, these lengths (1 of a column without entries), and which columns have entries.
+
+    Rows of zeros are added below where there are fewer rows than columns, so that singular values count every unknown.
+    """
+    length = np.linalg.norm(rows, axis=0)
+    seen = length > NOTHING * length.max(initial=0.0)
+    length = np.where(seen, length, 1.0)
+    below = np.zeros((max(0, rows.shape[1] - rows.shape[0]), rows.shape[1]))
+    return np.concatenate([np.where(seen, rows / length, 0.0), below]), length, seen
+
+
+def _decomposed(rows: Array) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    """Return singular values and right singular vectors of the scaled rows, which directions hold nothing, and the scale."""
+    unit_columns, length, _ = scaled(rows)
+    _, s, v = np.linalg.svd(unit_columns, full_matrices=False)
+    return s, v, s <= RANK_TOLERANCE * s[0], length
+
+
+def pseudo_inverse(rows: Array) -> Array:
+    """Return the pseudo-inverse of J'J: right for combinations of which the rows say something, nothing of the others."""
+    if rows.shape[1] == 0:
+        return np.zeros((0, 0))
+    s, v, weak, length = _decomposed(rows)
+    inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
+    # (J'J)^-1 = V S^-2 V'
+    return np.asarray((v.T * inverted**2) @ v / np.outer(length, length))
+
+
+def covariance(rows: Array) -> Array:
+    """Return (J'J)^-1; an unknown with a part in a direction without information has an infinite variance and goes with no other."""
+    if rows.shape[1] == 0:
+        return np.zeros((0, 0))
+    s, v, weak, length = _decomposed(rows)
+    inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
+    out = (v.T * inverted**2) @ v / np.outer(length, length)
+    lost = np.linalg.norm(v[weak], axis=0) > LOST
+    out[lost, :] = out[:, lost] = 0.0
+    out[lost, lost] = np.inf
+    return np.asarray(out)
+
+
+def null_space(rows: Array) -> Array:
+    """Return the directions (directions, unknowns) that no row sees; unknowns that no row depends on are left out."""
+    _, _, seen = scaled(rows)
+    if seen.sum() < 2:
+        return np.zeros((0, rows.shape[1]))
+    _, v, weak, inner = _decomposed(rows[:, seen])
+    out = np.zeros((int(weak.sum()), rows.shape[1]))
+    out[:, seen] = v[weak] / inner
+    return out
+
+
+def rank(rows: Array, beside: Array | None = None) -> int:
+    """Return of how many combinations of unknowns the rows say something; `beside` are the columns of others that are open too."""
+    unit_columns, _, _ = scaled(rows)
+    part = unit_columns[: len(rows)]
+    if beside is not None and beside.shape[1]:
+        basis, s, _ = np.linalg.svd(scaled(beside)[0][: len(rows)], full_matrices=False)
+        basis = basis[:, s > RANK_TOLERANCE * max(s[0], 1e-300)]
+        part = part - basis @ (basis.T @ part)
+    return int((np.linalg.svd(part, compute_uv=False) > RANK_TOLERANCE).sum())
+
+
+def _eigen(matrix: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues and vectors of a symmetric matrix scaled to a diagonal of ones, and the scale."""
+    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
+    if not matrix.size:
+        return np.zeros(0), matrix, scale
+    sizes, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return sizes, vectors, scale
+
+
+def square_root(matrix: Array, *, drop: bool = False) -> Array:
+    """Return a root L of a covariance, ``L L'``: as many columns as rows, or only the directions in which it is not zero."""
+    sizes, vectors, scale = _eigen(matrix)
+    kept = sizes > RANK_TOLERANCE**2 * sizes.max(initial=0.0) if drop else slice(None)
+    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(np.maximum(sizes[kept], 0.0)))
+
+
+def inverse_square_root(matrix: Array, floor: float = RANK_TOLERANCE**2) -> Array:
+    """Return a root R of an information, ``R'R = covariance^-1``; eigenvalues below `floor` of the largest count as that."""
+    sizes, vectors, scale = _eigen(matrix)
+    return np.asarray((vectors / np.sqrt(np.maximum(sizes, floor * sizes.max(initial=0.0)))).T / scale)
+
+
+def symmetric_inverse(matrix: Array) -> Array:
+    """Return the pseudo-inverse of a covariance, or of an information given in full."""
+    sizes, vectors, scale = _eigen(matrix)
+    weak = sizes <= RANK_TOLERANCE**2 * sizes.max(initial=0.0)
+    inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, sizes))
+    return np.asarray((vectors * inverted) @ vectors.T / np.outer(scale, scale))
+
+
+def variance(information: Array, gradient: Array) -> float:
+    """Return the variance of a combination of unknowns by an information given in full; infinite where nothing is known of it."""
+    sizes, vectors, scale = _eigen(information)
+    part = vectors.T @ (gradient / scale)
+    weak = sizes <= RANK_TOLERANCE**2 * sizes.max(initial=0.0)
+    if np.linalg.norm(part[weak]) > LOST * np.linalg.norm(part):
+        return float("inf")
+    return float(np.sum(part[~weak] ** 2 / sizes[~weak]))
+
+
+def sandwich(bread: Array, meat: Array) -> Array:
+    """Return ``C E C``: what a covariance E of the score J'r makes of the unknowns, C the inverse of the information (Huber 1967)."""
+    return np.asarray(bread @ meat @ bread)

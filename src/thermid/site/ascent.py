@@ -1,0 +1,261 @@
+"""An ascent as a scenario: pressure from a trajectory or a curve, walls of a fairing that goes, a stream of molecules after it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import RecordError, ScenarioError, nearest
+from thermid.measure import read_plain
+from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
+from thermid.network.environment import Environment
+from thermid.network.irradiation import HOTTEST, Irradiation
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.site.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
+from thermid.site.exposure import molecular_heating
+from thermid.units import TEMPERATURE
+
+Array = NDArray[np.float64]
+
+SPACE = 2.725
+"""Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""
+STEP = 0.5
+"""Interval at which pressure and density are worked out between the points of a trajectory. [s]"""
+UNITS = {"altitude": "m", "speed": "m/s", "pressure": "Pa", "density": "kg/m^3"}
+JUMP = 1e-3
+"""Time that the stream takes to reach the unit as the fairing parts. [s]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Where a vehicle flies.
+
+    Parameters
+    ----------
+    times : array (samples,)              From lift-off or before. [s]
+    altitude : array (samples,)           Above the sea. [m]
+    speed : array (samples,) or None      Relative to the air. [m/s]
+    pressure, density : array or None     Of the air where the vehicle is, where they are known. [Pa], [kg/m^3]
+
+    Raises
+    ------
+    ScenarioError   When the columns do not fit, or a value does not exist.
+    """
+
+    times: Array
+    altitude: Array
+    speed: Array | None = None
+    pressure: Array | None = None
+    density: Array | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse columns that are no flight."""
+        for name in UNITS:
+            given = getattr(self, name)
+            if given is None:
+                continue
+            Table(self.times, given)
+            if name != "altitude" and given.min() < 0.0:
+                raise ScenarioError(f"a {name} of {given.min():.4g} {UNITS[name]} does not exist.", "trajectory")
+
+    def air(self, times: Array, upper: str = "") -> tuple[Array, Array]:
+        """Return pressure [Pa] and density [kg/m^3] (times,) along the flight: the given ones, or those of the standard atmosphere.
+
+        Parameters
+        ----------
+        times : array (times,)  [s]
+        upper : str             ``standard`` allows the mean table of the standard above 86 km.
+
+        Raises
+        ------
+        ScenarioError   Above 86 km, where neither columns nor `upper` say what the air is.
+        """
+        if upper not in ("", "standard"):
+            raise ScenarioError(f"upper is 'standard' or left out, not '{upper}'.", "trajectory")
+        if self.pressure is not None and self.density is not None:
+            return self.column(times, "pressure"), self.column(times, "density")
+        model = upper_atmosphere if upper else standard_atmosphere
+        found: Air = model(self.column(times, "altitude"))
+        pressure = found.pressure if self.pressure is None else self.column(times, "pressure")
+        density = found.density if self.density is None else self.column(times, "density")
+        return pressure, density
+
+    def column(self, times: Array, name: str) -> Array:
+        """Return altitude, speed, pressure or density (times,) along the flight.
+
+        Raises
+        ------
+        ScenarioError   Before its first row and after its last.
+        """
+        return Table(self.times, getattr(self, name)).within(times, f"trajectory, {name}")
+
+    def grid(self, end: float, upper: str = "") -> Array:
+        """Return times at which the air is worked out, close together between rows: of the flight as far as the air is known.
+
+        Parameters
+        ----------
+        end : float     Time that is needed; beyond it the air may be unknown. [s]
+        upper : str     As in `air`.
+        """
+        parts = [np.linspace(a, b, int(np.ceil((b - a) / STEP)) + 1) for a, b in pairwise(self.times.tolist())]
+        fine = np.unique(np.concatenate([self.times[:1], *parts]))
+        if self.pressure is not None and self.density is not None:
+            return fine
+        high = self.column(fine, "altitude") > (1e3 * UPPER[-1, 0] if upper else HIGHEST_ALTITUDE)
+        known = fine[: int(np.argmax(high))] if high.any() else fine
+        return np.union1d(known, fine[fine <= end])
+
+
+@takes_objects
+def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | None = None, *, time: str | None = None) -> Trajectory:
+    """Return the trajectory of a table with a header: ``time``, ``altitude [km]``, ``speed [m/s]``, and pressure and density if known.
+
+    Parameters
+    ----------
+    path : path      Commas, semicolons or tabs, plain or gzip.
+    columns : dict   altitude, speed, pressure or density -> column, where the header has other names.
+    time : str       The time column, where its name is not a usual one. [s]
+
+    Raises
+    ------
+    RecordError     When there is no altitude, or a hole.
+    ScenarioError   When a value does not exist.
+    """
+    table = read_plain(os.fspath(path), time)
+    wanted = dict(columns or {n: n for n in UNITS if n in table.names})
+    for name in wanted:
+        if name not in UNITS:
+            raise RecordError(f"a trajectory has no '{name}'.{nearest(name, UNITS)} It has {', '.join(UNITS)}.", table.file)
+    if "altitude" not in wanted:
+        raise RecordError(
+            f"which column is the altitude? Say columns = {{altitude = '...'}}; there are {', '.join(table.names)}.", table.file
+        )
+    return Trajectory(table.times, **{name: table.whole(column, UNITS[name]) for name, column in wanted.items()})
+
+
+@takes_objects
+def ascent_scenario(
+    trajectory: Trajectory | None = None,
+    *,
+    title: str = "ascent",
+    pressure: Any = None,
+    air: str = "ambient",
+    air_temperature: Any = None,
+    walls: Mapping[str, Any] | None = None,
+    separation: str | float | None = None,
+    flow: Mapping[str, float] | None = None,
+    accommodation: float = 1.0,
+    upper: str = "",
+    duration: str | float | None = None,
+    **others: Any,
+) -> Scenario:
+    """Return the scenario of an ascent.
+
+    Parameters
+    ----------
+    trajectory : Trajectory     Gives the pressure by altitude; ``times`` begin at or before zero, lift-off.
+    title : str                 What it is.
+    pressure : Signal           A curve in place of the trajectory's: that of a fairing, or of a depressurisation test. [Pa]
+    air : str                   The boundary that is the gas around the unit.
+    air_temperature : Signal    Its temperature; the air outside at rest says nothing of gas in a fairing. [K]
+    walls : dict                Boundary -> temperature of a fairing's wall; at `separation` it gives way to space. [K]
+    separation : str, float     When the fairing goes. [s]
+    flow : dict                 Surface -> cosine between its normal and the direction of flight, 0 to 1: after separation the stream of
+                                molecules heats it.
+    accommodation : float       Share of a molecule's energy that stays; 1 is the highest. [-]
+    upper : str                 ``standard`` allows the mean table of the standard atmosphere from 86 to 200 km.
+    duration : str, float       The trajectory's by default. [s]
+    others                      Fields of `Scenario`: start, boundaries, loads, schedule, environment (vented volumes), irradiation.
+
+    Raises
+    ------
+    ScenarioError   When pressure or temperature of the gas are not said, or a stream is asked for without speed or separation.
+    """
+    seconds = _duration(duration, trajectory, pressure, title)
+    times = trajectory.grid(seconds, upper) if trajectory is not None else np.zeros(1)
+    gone = (
+        None
+        if separation is None
+        else literal(separation, "s", f"{title}, separation")
+        if isinstance(separation, str)
+        else float(separation)
+    )
+    if gone is not None and not 0.0 <= gone <= seconds:
+        raise ScenarioError(f"the fairing goes at {gone:g} s, outside the {seconds:g} s of the ascent.", f"{title}, separation")
+    if air_temperature is None:
+        raise ScenarioError(f"nothing says how warm the gas of '{air}' is: give air_temperature.", title)
+    boundaries = {air: signal(air_temperature, TEMPERATURE, f"{title}, air_temperature")}
+    hulls = {k: signal(v, TEMPERATURE, f"{title}, walls.{k}") for k, v in (walls or {}).items()}
+    boundaries |= {k: hull if gone is None else joined(hull, gone, Constant(SPACE)) for k, hull in hulls.items()}
+    gas: Signal = signal(pressure, "Pa", f"{title}, pressure") if pressure is not None else _pressure(trajectory, times, upper, title)
+    streams = _streams(trajectory, flow or {}, gone, times, accommodation, upper, title)
+    return Scenario(
+        title=title,
+        duration=seconds,
+        start=others.pop("start", air),
+        boundaries={**boundaries, **others.pop("boundaries", {})},
+        environment={air: Environment(gas), **others.pop("environment", {})},
+        irradiation={**streams, **others.pop("irradiation", {})},
+        **others,
+    )
+
+
+def _pressure(trajectory: Trajectory | None, times: Array, upper: str, title: str) -> Signal:
+    if trajectory is None:
+        raise ScenarioError("give a trajectory, or the pressure as a curve.", title)
+    return Table(times, trajectory.air(times, upper)[0])
+
+
+def _streams(
+    trajectory: Trajectory | None,
+    flow: Mapping[str, float],
+    gone: float | None,
+    times: Array,
+    accommodation: float,
+    upper: str,
+    title: str,
+) -> dict[str, Irradiation]:
+    """Return surface -> heating by the stream of molecules after separation."""
+    if not flow:
+        return {}
+    if trajectory is None or trajectory.speed is None or gone is None:
+        raise ScenarioError(
+            "a stream heats surfaces by density and speed after separation: give a trajectory with speed, and separation.", title
+        )
+    if not 0.0 < accommodation <= 1.0:
+        raise ScenarioError(f"an accommodation of {accommodation:g} does not exist; give 0 to 1.", title)
+    after = np.union1d(times[times > gone], [gone])
+    heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
+    if heat.max() > HOTTEST:
+        k = int(heat.argmax())
+        height = float(trajectory.column(after[k : k + 1], "altitude")[0]) / 1e3
+        raise ScenarioError(
+            f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: there the air is "
+            "no stream of single molecules yet. Fairings go where it brings some kilowatts at most; look at its time and speed.",
+            title,
+        )
+    if gone > 0.0:
+        # nothing reaches the unit while the fairing stands
+        ahead = max(gone - JUMP, 0.5 * gone)
+        after, heat = np.concatenate(([0.0, ahead], after)), np.concatenate(([0.0, 0.0], heat))
+    out = {}
+    for surface, share in flow.items():
+        if not 0.0 <= share <= 1.0:
+            raise ScenarioError(f"the cosine between '{surface}' and the flight is {share:g}; give 0 to 1.", f"{title}, flow")
+        out[surface] = Irradiation(stream=Table(after, share * heat))
+    return out
+
+
+def _duration(given: Any, trajectory: Trajectory | None, pressure: Any, title: str) -> float:
+    if given is not None:
+        return literal(given, "s", f"{title}, duration") if isinstance(given, str) else float(given)
+    if trajectory is None:
+        raise ScenarioError("how long? Give a duration.", title)
+    return float(trajectory.times[-1])

@@ -1,0 +1,254 @@
+"""Moisture along a solution: dew points of gases, condensation margins of surfaces, the film that settles and dries, and its heat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.arguments import takes_objects
+from thermid.errors import ScenarioError, nearest
+from thermid.model.laws.signal import Constant, Signal, Table, check_span, signal
+from thermid.model.parts.elements import HeatLoad
+from thermid.model.parts.parameter import parameter
+from thermid.model.tree.flat import Flat, FlatConductor
+from thermid.model.tree.model import Model
+from thermid.network.network import compile_network
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
+from thermid.site.vapour import Followed, Volume, WaterBalance, follow
+
+Array = NDArray[np.float64]
+
+SETTLED: Final = 1e-3
+"""Change of every temperature between passes below which the latent heat is in balance with them. [K]"""
+PASSES: Final = 60
+KEPT: Final = 12
+"""Passes whose latent heats are combined to the next one. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMoisture:
+    """One surface along a run.
+
+    Parameters
+    ----------
+    surface : str           Path.
+    gas : str               The gas node that it exchanges with.
+    times : array (times,)  [s]
+    margin : array (times,) Temperature less the dew point of the gas; negative where vapour settles. [K]
+    film : array (times,)   Water on it. [kg/m^2]
+    latent : array (times,) Heat that settling gives, drying takes. [W]
+    """
+
+    surface: str
+    gas: str
+    times: Array
+    margin: Array
+    film: Array
+    latent: Array
+
+    @property
+    def condensing(self) -> float:
+        """How long it stays below the dew point. [s]"""
+        return _time_below(self.times, self.margin)
+
+    @property
+    def heat(self) -> float:
+        """What settling water gave, less what drying took. [J]"""
+        return _between(self.times, self.latent)
+
+    @property
+    def wet(self) -> float:
+        """How long there is water on it. [s]"""
+        return _time_below(self.times, np.where(self.film > 0.0, -1.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Moisture:
+    """What humidity does along a solution.
+
+    Parameters
+    ----------
+    solution : Solution     The run, with the heat of settling and drying water in it.
+    dew_points : dict       Gas node -> dew point (times,), frost point below 0 degC. [K]
+    surfaces : dict         Surface -> `SurfaceMoisture`.
+    water : WaterBalance    Where the water went.
+    warnings : tuple        What is assumed or left out, the balance of water where it does not close.
+    """
+
+    solution: Solution
+    dew_points: Mapping[str, Array]
+    surfaces: Mapping[str, SurfaceMoisture]
+    water: WaterBalance
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, solution: Solution, parts: Sequence[FlatConductor], followed: Followed) -> Moisture:
+        """Return what humidity does along a solution whose vapour was followed."""
+        each = zip(parts, followed.margin, followed.film, followed.latent, strict=True)
+        surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
+        water = followed.water
+        open_ = (
+            ()
+            if water.closes
+            else (f"water does not close: {water.residual:+.3g} kg of {water.handled:.3g} kg are missing; give a shorter `every`",)
+        )
+        return cls(solution, followed.dew_points, surfaces, water, (*open_, *followed.remarks))
+
+    def __getitem__(self, surface: str) -> SurfaceMoisture:
+        """Return one surface.
+
+        Raises
+        ------
+        ScenarioError   With the nearest name.
+        """
+        if surface not in self.surfaces:
+            raise ScenarioError(f"no surface '{surface}' exchanges with a gas of known humidity.{nearest(surface, self.surfaces)}")
+        return self.surfaces[surface]
+
+    def __str__(self) -> str:
+        """Return the surfaces with their smallest margins, the closest first."""
+        width = max((len(n) for n in self.surfaces), default=0)
+        lines = []
+        for s in sorted(self.surfaces.values(), key=lambda s: float(s.margin.min())):
+            k = int(s.margin.argmin())
+            if self.dew_points[s.gas][k] <= 0.0:
+                lines.append(f"  {s.surface:<{width}}  no vapour, so nothing settles")
+                continue
+            lines.append(
+                f"  {s.surface:<{width}}  margin {s.margin[k]:+7.2f} K at {s.times[k] / 60:.4g} min over a dew point of "
+                f"{self.dew_points[s.gas][k] - ICE_POINT:.2f} degC; condenses for {s.condensing / 60:.1f} min, "
+                f"wet for {s.wet / 60:.1f} min, up to {1e3 * s.film.max():.3g} g/m^2"
+            )
+        return "\n".join(["moisture", *(f"  warning: {w}" for w in self.warnings), *lines, f"  {self.water}"])
+
+
+@takes_objects
+def moisture(
+    model: Model,
+    scenario: Scenario,
+    humidity: Mapping[str, Any],
+    volumes: Mapping[str, Volume] | None = None,
+    *,
+    every: str | float = 60.0,
+    told: Callable[[int, float], None] | None = None,
+) -> Moisture:
+    """Return a run with dew points, condensation margins, films and their latent heat.
+
+    Vapour reaches a surface by the analogy of heat and mass transfer, from its coefficient of convection; of an effective one radiation is
+    taken off where the surface's emissivity is known, else it is used whole and the film is an upper bound. The run is repeated with the
+    heat that settling gives and drying takes until temperatures change no more.
+
+    Parameters
+    ----------
+    model, scenario : Model, Scenario   What is run.
+    humidity : dict                     Boundary that is a gas -> its relative humidity over liquid water, a number or a signal. [-]
+    volumes : dict                      Gas node with vapour of its own -> `Volume`.
+    every : str or float                Time between outputs, on which latent heat is a polygon. [s]
+    told : callable                     Told after each pass its number and how far temperatures still moved [K]; what it raises ends it.
+
+    Raises
+    ------
+    ScenarioError   When a name is no gas of the model, a humidity does not exist, or latent heat and temperatures find no balance.
+    """
+    if not isinstance(humidity, Mapping) or not (humidity or volumes):
+        raise ScenarioError("say whose humidity it is: gas -> relative humidity, such as {'air': 0.6}.", scenario.title)
+    flat = compile_network(model, media=scenario.media()).flat
+    gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
+    own = {flat.names.find(k): v for k, v in (volumes or {}).items()}
+    open_air = {flat.names.find(k): signal(v, "1", f"humidity of {k}") for k, v in humidity.items()}
+    for name, given_humidity in open_air.items():
+        check_span(given_humidity, scenario.seconds, f"{scenario.title}, humidity of {name}")
+    for name, volume in own.items():
+        if volume.to and flat.names.find(volume.to) not in (*open_air, *own):
+            raise ScenarioError(f"'{name}' exchanges gas with '{volume.to}', whose humidity is not given.", scenario.title)
+    others = {flat.names.find(v.to) for v in own.values() if v.to}
+    for name in (*own, *open_air):
+        if name not in gases and name not in others:
+            raise ScenarioError(f"no surface exchanges heat with '{name}' by convection.{nearest(name, gases)}", scenario.title)
+    parts = [c for c in _exchanging(flat) if c.gas in (*open_air, *own)]
+    wet, names = _with_latent(model, [c.path for c in parts])
+    heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
+    before: Array | None = None
+    given: list[Array] = []
+    left: list[Array] = []
+    for count in range(1, PASSES + 1):
+        solution = simulate(wet, scenario.with_(loads=heats), every=every)
+        followed = follow(solution, parts, open_air, own)
+        given = [*given, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-KEPT:]
+        left = [*left, followed.latent - given[-1]][-KEPT:]
+        moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
+        if told is not None:
+            told(count, moved)
+        if max(moved, _remaining(moved, given, left)) < SETTLED:
+            return Moisture.of(solution, parts, followed)
+        before = solution.temperatures
+        heats = {names[c.path]: Table(solution.times, heat, after="hold") for c, heat in zip(parts, _mixed(given, left), strict=True)}
+    raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
+
+
+def _mixed(given: Sequence[Array], left: Sequence[Array]) -> Array:
+    """Return the next latent heat (surfaces, times) from those of the last passes and what was left of each, by Anderson's mixing. [W]
+
+    Where vapour gives a surface more heat than air does, whole steps overshoot. The combination of the last passes whose linear forecast
+    of what is left is smallest does not: Walker and Ni, SIAM J. Numer. Anal. 49 (2011) 1715, eq. 1.3.
+    """
+    now, rest = given[-1], left[-1]
+    if len(given) == 1:
+        return np.asarray(now + rest)
+    steps, falls = (np.array([(b - a).ravel() for a, b in pairwise(each)]).T for each in (given, left))
+    share = np.linalg.lstsq(falls, rest.ravel(), rcond=1e-10)[0]
+    return np.asarray(now + rest - ((steps + falls) @ share).reshape(now.shape))
+
+
+def _remaining(moved: float, given: Sequence[Array], left: Sequence[Array]) -> float:
+    """Return how far temperatures would still move with what is left of the latent heat, as they moved with its last change. [K]"""
+    if not left[-1].any():
+        return 0.0
+    change = float(np.abs(given[-1] - given[-2]).max()) if len(given) > 1 else 0.0
+    return moved * float(np.abs(left[-1]).max()) / change if change > 0.0 else np.inf
+
+
+def _exchanging(flat: Flat) -> list[FlatConductor]:
+    """Return the surfaces that exchange heat with a gas."""
+    return [c for c in flat.conductors if c.kind in ("convection", "effective") and c.path in flat.surfaces]
+
+
+def _with_latent(model: Model, surfaces: list[str]) -> tuple[Model, dict[str, str]]:
+    """Return the model with a load for the latent heat of every surface, and surface -> path of its load."""
+    names = {}
+    for path in surfaces:
+        *parts, surface = path.split(".")
+        model = _laid(model, parts, surface)
+        names[path] = f"{path}_latent"
+    return model, names
+
+
+def _laid(model: Model, parts: list[str], surface: str) -> Model:
+    """Return a model with a load of nothing into the node of a surface, at any depth."""
+    if parts:
+        inner = model.submodels[parts[0]]
+        changed = replace(inner, model=_laid(inner.model, parts[1:], surface))
+        return replace(model, submodels={**model.submodels, parts[0]: changed})
+    load = HeatLoad(model.surfaces[surface].of, {"power": parameter("0 [W]")})
+    return replace(model, loads={**model.loads, f"{surface}_latent": load})
+
+
+def _between(times: Array, values: Array) -> float:
+    """Return the integral of a trace, straight between samples."""
+    return float(0.5 * (values[1:] + values[:-1]) @ np.diff(times))
+
+
+def _time_below(times: Array, margin: Array) -> float:
+    """Return how long a margin is below zero, straight between samples. [s]"""
+    a, b, dt = margin[:-1], margin[1:], np.diff(times)
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    part = np.where(high <= 0.0, low < 0.0, np.where(low >= 0.0, 0.0, -low / np.where(high > low, high - low, 1.0)))
+    return float(part @ dt)

@@ -1,0 +1,176 @@
+"""`Site`: a place on earth, its sun and its clear sky."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from datetime import timezone as Zone  # noqa: N812
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.errors import ScenarioError, ThermidError
+from thermid.model.laws.signal import literal
+from thermid.model.parts.facing import degrees
+from thermid.site.atmosphere import standard_atmosphere
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+
+
+class SunPath(NamedTuple):
+    """The sun over a site: times (samples,) [s], zenith and azimuth from north over east (samples,) [deg]."""
+
+    times: Array
+    zenith: Array
+    azimuth: Array
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place on earth.
+
+    Parameters
+    ----------
+    latitude : float    North is positive. [deg]
+    longitude : float   East is positive. [deg]
+    altitude : float    Above the sea; a number or a text with unit. [m]
+    timezone : float    Standard time less universal time; None where every instant names its own zone. [h]
+    name : str          What it is called.
+
+    Raises
+    ------
+    ScenarioError   When there is no such place.
+    """
+
+    latitude: float
+    longitude: float
+    altitude: Any = 0.0
+    timezone: float | None = None
+    name: str = "site"
+
+    def __post_init__(self) -> None:
+        """Turn texts into numbers, and refuse places that are not on earth."""
+        for field, limit in (("latitude", 90.0), ("longitude", 180.0)):
+            try:
+                value = degrees(getattr(self, field))
+            except ThermidError as error:
+                raise ScenarioError(error.message, f"{self.name}, {field}") from None
+            object.__setattr__(self, field, value)
+            if not -limit <= value <= limit:
+                raise ScenarioError(f"a {field} of {value:g} degrees is not on earth; give -{limit:g} to {limit:g}.", self.name)
+        if isinstance(self.altitude, str):
+            object.__setattr__(self, "altitude", literal(self.altitude, "m", f"{self.name}, altitude"))
+        if not -450.0 <= self.altitude <= 9000.0:
+            raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name)
+        if self.timezone is not None and not -12.0 <= self.timezone <= 14.0:
+            raise ScenarioError(f"a time zone of {self.timezone:g} h does not exist.", self.name)
+
+    @property
+    def zone(self) -> Zone:
+        """Its standard time.
+
+        Raises
+        ------
+        ScenarioError   When nobody said which it is.
+        """
+        if self.timezone is None:
+            raise ScenarioError(
+                "which time zone? Give the site's timezone in hours, or instants with a zone: 2026-03-21 06:00-03:00.", self.name
+            )
+        return Zone(timedelta(hours=self.timezone))
+
+    @property
+    def pressure(self) -> float:
+        """Pressure of the standard atmosphere at its altitude. [Pa]"""
+        return float(standard_atmosphere(self.altitude).pressure)
+
+    def instant(self, begin: str | datetime) -> datetime:
+        """Return an instant with its time zone; the site's standard time where the text names none.
+
+        Raises
+        ------
+        ScenarioError   When the text is no instant.
+        """
+        try:
+            given = begin if isinstance(begin, datetime) else datetime.fromisoformat(begin)
+        except ValueError:
+            raise ScenarioError(f"'{begin}' is no instant; write it as 2026-03-21 06:00.", self.name) from None
+        return given if given.tzinfo is not None else given.replace(tzinfo=self.zone)
+
+    def sun(self, begin: str | datetime, times: Any) -> SunPath:
+        """Return where the sun stands.
+
+        Parameters
+        ----------
+        begin : str, datetime       The instant of time zero.
+        times : array (samples,)    [s]
+
+        References
+        ----------
+        The algorithm of Reda and Andreas, Solar Energy 76 (2004) 577, as pvlib has it, with refraction.
+        """
+        pvlib = _pvlib()
+        seconds = np.atleast_1d(np.asarray(times, dtype=float))
+        with quiet():
+            found = pvlib.solarposition.get_solarposition(
+                self.instants(begin, seconds), self.latitude, self.longitude, altitude=self.altitude, method="nrel_numpy"
+            )
+        return SunPath(seconds, found["apparent_zenith"].to_numpy(float), found["azimuth"].to_numpy(float))
+
+    def clear_sky(self, begin: str | datetime, times: Any, turbidity: float | None = None) -> dict[str, Array]:
+        """Return direct_normal, diffuse and global (samples,) of a sky without clouds. [W/m^2]
+
+        Parameters
+        ----------
+        begin, times        As in `sun`.
+        turbidity : float   Linke's; by default the monthly map that pvlib brings. [-]
+
+        References
+        ----------
+        Ineichen and Perez, Solar Energy 73 (2002) 151, by pvlib.
+        """
+        pvlib = _pvlib()
+        place = pvlib.location.Location(self.latitude, self.longitude, altitude=self.altitude)
+        index = self.instants(begin, np.atleast_1d(np.asarray(times, dtype=float)))
+        options = {} if turbidity is None else {"linke_turbidity": turbidity}
+        try:
+            with quiet():
+                found = place.get_clearsky(index, **options)
+        except ImportError:
+            raise ScenarioError("the map of turbidity needs h5py; install it, or give turbidity = 3.", self.name) from None
+        return {
+            "direct_normal": found["dni"].to_numpy(float),
+            "diffuse": found["dhi"].to_numpy(float),
+            "global": found["ghi"].to_numpy(float),
+        }
+
+    def instants(self, begin: str | datetime, seconds: Array) -> pandas.DatetimeIndex:
+        """Return times from an instant as universal time."""
+        import pandas
+
+        first = pandas.Timestamp(self.instant(begin)).tz_convert("UTC")
+        return pandas.DatetimeIndex(first + pandas.to_timedelta(seconds, unit="s"))
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep to itself what pvlib should hear about the future of pandas: a user can do nothing about it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.simplefilter("ignore", FutureWarning)
+        yield
+
+
+def _pvlib() -> Any:
+    try:
+        import pvlib
+    except ImportError:
+        raise ScenarioError("the sun's path is worked out by pvlib: pip install 'thermid[site]'.", "site") from None
+    return pvlib

@@ -1,0 +1,92 @@
+"""Tables of a scenario file that make its surroundings: site, weather, sun and wind of the ground, or an ascent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from thermid.errors import ScenarioError, nearest
+from thermid.model.laws.signal import literal
+from thermid.simulation.scenarios.columns import LogColumns
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.site.ascent import ascent_scenario, read_trajectory
+from thermid.site.pad import pad_scenario
+from thermid.site.site import Site
+from thermid.site.weather import read_weather
+from thermid.toml_files import resolve_inside
+from thermid.units import TEMPERATURE
+
+KEYS: Mapping[str, tuple[str, ...]] = {
+    "site": ("name", "latitude", "longitude", "altitude", "timezone"),
+    "weather": ("file", "columns", "begin", "starts", "max_gap", "year", "time", "averaged", "air", "air_temperature"),
+    "sun": ("shines", "sky", "albedo", "turbidity"),
+    "ascent": (
+        "file",
+        "columns",
+        "time",
+        "pressure",
+        "air",
+        "air_temperature",
+        "walls",
+        "separation",
+        "flow",
+        "accommodation",
+        "upper",
+    ),
+}
+
+
+def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scenario:
+    """Return the scenario of a file that has weather, sun or wind; what else it gives is laid over them.
+
+    Raises
+    ------
+    ScenarioError   When a key is unknown; and as `pad_scenario`.
+    """
+    rest = dict(given)
+    tables = {name: rest.pop(name, {}) for name in (*KEYS, "wind")}
+    for name, known in KEYS.items():
+        for key in tables[name]:
+            if key not in known:
+                raise ScenarioError(f"no '{key}' in {name}.{nearest(key, known)} It has {', '.join(known)}.", f"{file}, {name}.{key}")
+    duration = rest.pop("duration", None)
+    if isinstance(duration, str):
+        duration = literal(duration, "s", f"{file}, duration")
+    if tables["ascent"]:
+        clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
+        if clash:
+            raise ScenarioError(f"a scenario stands on the ground or flies: it has {clash[0]} and ascent.", file)
+        return _ascent(tables["ascent"], rest, duration, columns, file)
+    weather, sun = tables["weather"], tables["sun"]
+    read = None
+    if "file" in weather:
+        options = {k: weather[k] for k in ("columns", "max_gap", "year", "time", "averaged") if k in weather}
+        options |= {"begin": weather["starts"]} if "starts" in weather else {}
+        read = read_weather(resolve_inside(columns.folder, weather["file"], f"{file}, weather.file"), **options)
+    options = {k: weather[k] for k in ("begin", "air", "air_temperature") if k in weather} | {
+        k: sun[k] for k in ("sky", "albedo", "turbidity") if k in sun
+    }
+    options |= {"sun": sun["shines"]} if "shines" in sun else {}
+    return pad_scenario(_site(tables["site"], file), read, duration=duration, wind=tables["wind"] or None, **options, **rest)
+
+
+def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float | None, columns: LogColumns, file: str) -> Scenario:
+    """Return an ascent."""
+    where = f"{file}, ascent"
+    path = resolve_inside(columns.folder, table["file"], where) if "file" in table else None
+    trajectory = read_trajectory(path, table.get("columns"), time=table.get("time")) if path else None
+    options = {k: table[k] for k in ("air", "separation", "flow", "accommodation", "upper") if k in table}
+    for name, slot in (("pressure", "Pa"), ("air_temperature", TEMPERATURE)):
+        if name in table:
+            options[name] = columns.signal(table[name], slot, f"{where}.{name}")
+    walls = {k: columns.signal(v, TEMPERATURE, f"{where}.walls.{k}") for k, v in table.get("walls", {}).items()}
+    return ascent_scenario(trajectory, duration=duration, walls=walls, **options, **rest)
+
+
+def _site(table: Mapping[str, Any], file: str) -> Site | None:
+    if not table:
+        return None
+    missing = [k for k in ("latitude", "longitude") if k not in table]
+    if missing:
+        raise ScenarioError(f"a site has latitude and longitude; {missing[0]} is missing.", f"{file}, site")
+    return Site(**table)
