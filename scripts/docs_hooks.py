@@ -115,6 +115,7 @@ def commands() -> str:
     ]
     for name, command in group.commands.items():
         context = command.make_context(name, [], resilient_parsing=True)
+        command = context.command  # the summary of the table gives way to the command itself
         usage = context.get_usage().removeprefix("Usage: ")
         rows = [record for record in (one.get_help_record(context) for one in command.params) if record]
         lines = "\n".join(f"| `{words}` | {_clean(meaning)} |" for words, meaning in rows)

@@ -22,7 +22,7 @@ import thermid as td
 from thermid.acquire.board import World, made_up_rom
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import Sensor
+from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.simulated import Simulated
 
 HERE = Path(__file__).resolve().parent
@@ -59,7 +59,7 @@ def planted(seed: int = 1) -> World:
 
 def run(log_path: Path, hours: float) -> float:
     """Log the step test, and return the seconds that it took."""
-    sensors = {made_up_rom(k): Sensor(name, made_up_rom(k)) for k, name in enumerate(NAMES)}
+    sensors = {made_up_rom(k): MappedSensor(name, made_up_rom(k)) for k, name in enumerate(NAMES)}
     whole = load_programme(HERE / "step.toml")
     scale = hours / 5.0
     programme = replace(whole, times=tuple(t * scale for t in whole.times), end=hours * 3600.0)

@@ -1,4 +1,4 @@
-"""The bench's text log and a unit's binary telemetry, each on its own clock, as one record. Synthetic, made here.
+"""The bench's log and a unit's telemetry, each on its own clock, as one record. Synthetic, made here.
 
     python examples/bench/two_clocks.py
 
@@ -19,14 +19,15 @@ from thermid.acquire.board import Board
 from thermid.acquire.boardport import BoardPort
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import Sensor
-from thermid.acquire.telemetry import Chain, Frame, frame_bytes, read_telemetry
+from thermid.acquire.sensormap import MappedSensor
 
 HERE = Path(__file__).resolve().parent
 PLANTED = {"pads.resistance": "2.4 [K/W]", "skin.effective_htc": "11 [W/(m^2 K)]", "plate.capacitance": "120 [J/K]"}
 OFFSET, RATE = -412.0, 1.0 / 1.0008
 """A time t of the bench is ``OFFSET + RATE t`` on the unit's clock, which runs slow. [s, -]"""
 HOURS = 2.0
+COUNT = 5.0 / 2**12 / 10e3 / 1e-6
+"""Temperature of one count: 12 bits over 5 V, 10 kohm, a sensor of 1 uA/K. [K]"""
 
 
 class Hardware:
@@ -53,10 +54,10 @@ class Hardware:
 
 def make_logs(folder: Path, seed: int = 3) -> tuple[Path, Path]:
     """Run the bench, and let the unit send what its two sensors see."""
-    hardware, text, binary = Hardware(), folder / "bench.log", folder / "unit.bin"
+    hardware, text, table = Hardware(), folder / "bench.log", folder / "unit.csv"
     port = BoardPort(Board(hardware, 1))
     programme = Programme((600.0, 2400.0, 4200.0), ((800, 0), (200, 0), (0, 0)), HOURS * 3600.0)
-    sensors = {port.board.roms[0]: Sensor("room", port.board.roms[0])}
+    sensors = {port.board.roms[0]: MappedSensor("room", port.board.roms[0])}
     settings = Settings(interval=10.0, silence=3600.0)
     log = Logger(text, lambda: port, sensors, settings, programme, sync=False, clock=port.clock, wall=port.wall)
     while not log.state.lines:
@@ -65,20 +66,20 @@ def make_logs(folder: Path, seed: int = 3) -> tuple[Path, Path]:
     while not log.done:
         log.step()
     log.close()
-    rng, chain = np.random.default_rng(seed), Chain()
+    rng = np.random.default_rng(seed)
     unit = np.arange(0.0, (HOURS * 3600.0 - 700.0), 5.0)  # on the unit's own clock
     when = zero + (unit - OFFSET) / RATE
     states = np.array(hardware.states)
     rows = [np.interp(when, hardware.times, states[:, k]) + 273.15 + rng.normal(0.0, 0.2, when.size) for k in range(len(hardware.nodes))]
-    counts = np.array([chain.counts(row) for row in rows]).T
-    frames = [Frame(k, round(1000 * t), tuple(int(c) for c in row)) for k, (t, row) in enumerate(zip(unit, counts, strict=True))]
-    binary.write_bytes(b"".join(map(frame_bytes, frames)))
-    return text, binary
+    cells = np.column_stack([unit, COUNT * np.rint(np.array(rows).T / COUNT)])
+    np.savetxt(table, cells, fmt="%.4f", delimiter=",", header="time [s],plate [K],cover [K]", comments="")
+    return text, table
 
 
-def one_record(text: Path, binary: Path) -> td.Alignment:
+def one_record(text: Path, table: Path) -> td.Alignment:
     """Read both and align them."""
-    unit = read_telemetry(binary, {"plate": 0, "cover": 1})
+    sensors = {name: {"node": name, "accuracy": "1.5 [K]", "resolution": f"{COUNT:.4g} [K]"} for name in ("plate", "cover")}
+    unit = td.read_record(table, sensors)
     bench = td.read_record(text, {"room": {"boundary": "room"}, "heater1": {"command": "heater"}})
     model = td.load_model(HERE / "plate.toml").with_values(PLANTED)
     rest = td.Scenario("at rest until the heater is on", start="steady")

@@ -78,13 +78,13 @@ if TYPE_CHECKING:
     from thermid.model.blocks.block import Block as Block
     from thermid.model.deck.modelfile import load_model as load_model
     from thermid.model.deck.modelfile import model_from_dict as model_from_dict
-    from thermid.model.deck.modelfile import save_model as save_model
+    from thermid.model.deck.save import save_model as save_model
     from thermid.model.laws.law import law as law
     from thermid.model.parts.standing import Standing as Standing
     from thermid.model.tree.areas import ledger as ledger
     from thermid.model.tree.identity import Identity as Identity
-    from thermid.model.tree.identity import identities as identities
     from thermid.model.tree.model import Model as Model
+    from thermid.model.tree.model import identities as identities
     from thermid.model.tree.replacement import Replacement as Replacement
     from thermid.monte_carlo.drivers import sobol_of as sobol_of
     from thermid.monte_carlo.hold import Hold as Hold
@@ -169,8 +169,8 @@ if TYPE_CHECKING:
     from thermid.site.vapour import WaterBalance as WaterBalance
     from thermid.site.weather import Weather as Weather
     from thermid.site.weather import read_weather as read_weather
+    from thermid.steadiness.forecast import Forecast as Forecast
     from thermid.steadiness.forecast import forecast as forecast
-    from thermid.steadiness.foretold import Forecast as Forecast
     from thermid.steadiness.stabilisation import Stability as Stability
     from thermid.steadiness.stabilisation import stability as stability
 
@@ -179,10 +179,10 @@ _PUBLIC = {
     "Model": "model.tree.model",
     "Identity": "model.tree.identity",
     "Replacement": "model.tree.replacement",
-    "identities": "model.tree.identity",
+    "identities": "model.tree.model",
     "load_model": "model.deck.modelfile",
     "model_from_dict": "model.deck.modelfile",
-    "save_model": "model.deck.modelfile",
+    "save_model": "model.deck.save",
     "law": "model.laws.law",
     "ledger": "model.tree.areas",
     "Block": "model.blocks.block",
@@ -302,7 +302,7 @@ _PUBLIC = {
     "stability": "steadiness.stabilisation",
     "Stability": "steadiness.stabilisation",
     "forecast": "steadiness.forecast",
-    "Forecast": "steadiness.foretold",
+    "Forecast": "steadiness.forecast",
     "Limits": "judge.limits",
     "load_limits": "judge.limits",
     "check_limits": "judge.limits",

@@ -1,5 +1,5 @@
 """``python -m thermid`` is ``thermid``."""
 
-from thermid.cli import main
+from thermid.cli.app import main
 
 main()

@@ -16,7 +16,7 @@ from typing import Any
 
 from thermid.dual import Dual, real_power
 from thermid.errors import ExpressionError, ThermidError
-from thermid.units import DIMENSIONLESS, Dimension, Unit, to_si, unit
+from thermid.units import DIMENSIONLESS, Dimension, Unit, describe, to_si, unit
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
@@ -247,8 +247,6 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
     if isinstance(node.op, ast.Pow):
         return _power_dimension(node, left, right, text)
     if left != right:
-        from thermid.units import describe
-
         part = ast.unparse(node)
         raise ExpressionError(f"'{text}': '{part}' adds {describe(left)} and {describe(right)}.")
     return left

@@ -28,7 +28,7 @@ WRITES = {
 }
 PLACES = {
     ("thermid.files", "writing is its work"),
-    ("thermid.acquire.store", "the logger appends, line by line, each on disk before the next is read"),
+    ("thermid.acquire.benchlog", "the logger appends, line by line, each on disk before the next is read"),
     ("thermid.acquire.terminal", "the name of a simulated port is a link"),
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
@@ -38,11 +38,11 @@ NO_INPUT = {
     "thermid.files": "reading is its work",
     "thermid.seals": "what is there already is looked at, not used",
     "thermid.acquire.sensormap": "the map is changed in its place",
-    "thermid.acquire.store": "the log is continued",
+    "thermid.acquire.benchlog": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",
     "thermid.judge.verdict": "verdicts of its own",
     "thermid.model.deck.save": "a deck may be changed in its place",
-    "thermid.cli.deliver": "the delivery of this command",
+    "thermid.cli.qualify": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.lock": "the lock is carried on",
     "thermid.reporting.blocks.extras": "templates of the package",

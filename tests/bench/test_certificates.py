@@ -16,7 +16,7 @@ from thermid.acquire.boardport import BoardPort
 from thermid.acquire.guide import ice_point
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import Sensor, load_sensors
+from thermid.acquire.sensormap import MappedSensor, load_sensors
 
 DECK = Path(__file__).parents[2] / "examples" / "bench" / "plate.toml"
 PLANTED = {"pads.resistance": (2.4, "K/W"), "skin.effective_htc": (11.0, "W/(m^2 K)")}
@@ -42,17 +42,17 @@ class Step:
         return [felt[name] + off + self.rng.normal(0.0, 0.04) for name, off in zip(NAMES, OFFSETS, strict=True)]
 
 
-def logger(path: Path, board: Board, names: Mapping[str, Sensor], settings: Settings, programme: Programme | None = None) -> Logger:
+def logger(path: Path, board: Board, names: Mapping[str, MappedSensor], settings: Settings, programme: Programme | None = None) -> Logger:
     """A logger on a board whose clock is its own."""
     port = BoardPort(board)
     return Logger(path, lambda: port, names, settings, programme, sync=False, clock=port.clock, wall=port.wall)
 
 
-def certified(folder: Path) -> Mapping[str, Sensor]:
+def certified(folder: Path) -> Mapping[str, MappedSensor]:
     """A map with the certificates of the ice point."""
     rng, place = np.random.default_rng(5), folder / "sensors.toml"
     board = Board(lambda t, d: [off + rng.normal(0.0, 0.04) for off in OFFSETS], 3)
-    names = {rom: Sensor(name, rom) for name, rom in zip(NAMES, board.roms, strict=True)}
+    names = {rom: MappedSensor(name, rom) for name, rom in zip(NAMES, board.roms, strict=True)}
     log = logger(folder / "ice.log", board, names, Settings())
     ice_point(log, place, print, lambda text: True)
     log.close()

@@ -16,10 +16,10 @@ import thermid as td
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import Sensor
+from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.simulated import Simulated
 
-NAMES = {made_up_rom(k): Sensor(f"T{k}", made_up_rom(k)) for k in range(3)}
+NAMES = {made_up_rom(k): MappedSensor(f"T{k}", made_up_rom(k)) for k in range(3)}
 
 
 def marks(path: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""The bench's text log and a unit's binary telemetry, each on its own clock, become one record."""
+"""The bench's log and a unit's telemetry, each on its own clock, become one record."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ def test_offset_and_rate_are_found_and_one_record_holds_both(tmp_path: Path) -> 
     assert spec.loader is not None
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
-    text, binary = example.make_logs(tmp_path)
-    found = example.one_record(text, binary)
+    text, table = example.make_logs(tmp_path)
+    found = example.one_record(text, table)
     print(found)
     assert abs(found.offset - example.OFFSET) < 2.0 * found.offset_error
     assert abs(found.rate - example.RATE) < 2.0 * found.rate_error

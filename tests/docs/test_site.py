@@ -114,7 +114,8 @@ def test_the_command_page_says_what_help_says() -> None:
     group = typer.main.get_command(cli.app)
     shown = tables(commands())
     for name, command in group.commands.items():  # type: ignore[attr-defined]
-        helped = command.get_help(command.make_context(name, [], resilient_parsing=True))
+        context = command.make_context(name, [], resilient_parsing=True)
+        helped = context.command.get_help(context)
         options = set(re.findall(r"^ +(--[\w-]+)", helped, re.MULTILINE)) - {"--help"}
         rows = {row[0].strip("`").split(" ")[0] for row in shown[name]}
         assert options <= rows, name

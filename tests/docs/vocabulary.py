@@ -21,8 +21,8 @@ from thermid.judge.limits import KEYS as LIMIT_KEYS
 from thermid.judge.metrics import METRICS
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.readers.bindings import _KEYS as CHANNEL_KEYS
+from thermid.measure.record.record import STEPS
 from thermid.measure.record.sensor import _NUMBERS as PART_NUMBERS
-from thermid.measure.record.steps import STEPS
 from thermid.model.deck import schema
 from thermid.model.laws.signal import Sine, Table
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS

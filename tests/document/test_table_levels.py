@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.deck.save import save_model
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model

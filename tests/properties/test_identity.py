@@ -9,7 +9,7 @@ import numpy as np
 
 import thermid as td
 from strategies import SWITCHED, Case, Deck, build, cases, decks, random_models
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 
 
 def _parts(model: td.Model, prefix: str = "") -> list[str]:

@@ -15,7 +15,7 @@ from thermid.knowledge.values import FittedValues
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate

@@ -15,7 +15,8 @@ from thermid.fit.problem.experiment import attached
 from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import validate
 from thermid.measure import Channel, Record
-from thermid.measure.record.sensor import SensorCertificate, SensorPart, worn
+from thermid.measure.record.channel import with_sensor
+from thermid.measure.record.sensor import SensorCertificate, SensorPart
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
@@ -150,7 +151,7 @@ def test_certificate_narrows_the_interval_and_moves_the_value() -> None:
         seen = readings(SensorPart()) + bias + NOISE * rng.standard_normal(TIMES.size)
         raw = record(seen, None, accuracy=0.5)
         certificate = SensorCertificate(bias + u * rng.standard_normal(), u, date="2026-05-04")
-        channel, _ = worn(raw["T"], None, certificate, "T")
+        channel, _ = with_sensor(raw["T"], None, certificate, "T")
         found = calibrate(part_model(), raw.with_channels(channel), FREE, scenario=unknown, search="local")
         scores.append(score(found))
         if k < BLIND:
@@ -164,7 +165,7 @@ def test_readings_beyond_the_range_are_not_fitted() -> None:
     seen = readings(SensorPart()) + NOISE * np.random.default_rng(16).standard_normal(TIMES.size)
     stuck = np.minimum(seen, ICE + 36.0)
     raw = record(stuck, None)
-    channel, (said,) = worn(raw["T"], SensorPart(low=ICE - 55.0, high=ICE + 36.0), None, "T")
+    channel, (said,) = with_sensor(raw["T"], SensorPart(low=ICE - 55.0, high=ICE + 36.0), None, "T")
     assert "readings at or beyond its range -55 [degC] to 36 [degC]" in said
     assert channel.flags == {"out of range": int(np.count_nonzero(seen >= ICE + 36.0))}
     found = calibrate(part_model(), raw.with_channels(channel), FREE, scenario=BENCH)

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import subprocess
 import sys
+from importlib import import_module
+
+import pytest
+
+from thermid.cli.app import COMMANDS, OnDemand
+from thermid.errors import ThermidError
 
 NEVER = {"scipy", "pandas", "matplotlib", "pint", "xarray", "jinja2", "h5py", "h5netcdf", "hypothesis"}
 """Nothing on the way to a first result needs these."""
@@ -41,3 +48,17 @@ def test_a_first_result_needs_numpy_and_the_deck_reader_alone() -> None:
     found = loaded(RESULT)
     assert "numpy" in found
     assert not found & (NEVER | {"typer", "rich"})
+
+
+def test_help_of_the_whole_says_what_the_help_of_each_command_begins_with() -> None:
+    for word, place in COMMANDS.items():
+        module, _, function = place.function.partition(".")
+        said = inspect.getdoc(getattr(import_module(f"thermid.cli.{module}"), function)) or ""
+        assert said.partition("\n")[0] == place.summary, word
+
+
+def test_a_command_without_its_optional_part_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "thermid.studio.server", None)
+    monkeypatch.delitem(sys.modules, "thermid.cli.studio", raising=False)
+    with pytest.raises(ThermidError, match=r"'studio' needs thermid.studio.server.*pip install 'thermid\[studio\]'"):
+        OnDemand("studio", COMMANDS["studio"]).loaded()

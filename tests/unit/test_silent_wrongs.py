@@ -14,9 +14,9 @@ from thermid.errors import DeckError, IdentificationError, RecordError, SolverEr
 from thermid.judge.correlation import correlate
 from thermid.judge.criteria import Criteria
 from thermid.judge.limits import Limits, check_limits
-from thermid.model.deck.modelfile import save_model
+from thermid.model.deck.save import save_model
 from thermid.model.parts.kinds import KINDS
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.qualify.deliver import deliver

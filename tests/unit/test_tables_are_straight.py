@@ -13,7 +13,7 @@ import thermid as td
 from thermid.errors import DeckError, SolverError
 from thermid.model.laws.curves import curve, evaluate, slopes
 from thermid.model.laws.stores import store
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
 LARGE = ["RKC2", "TR-BDF2"]

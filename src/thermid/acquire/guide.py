@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from thermid.acquire.logger import Logger
-from thermid.acquire.sensormap import Sensor, save_sensor
+from thermid.acquire.sensormap import MappedSensor, save_sensor
 from thermid.errors import RecordError
 from thermid.measure.record.sensor import ICE, SensorCertificate
 
@@ -23,7 +23,9 @@ _BATH = 0.02
 _SHORT, _FAR = 60, 2.0
 
 
-def tell_apart(log: Logger, path: Path, say: Callable[[str], object], ask: Callable[[str], str], patience: float = 120.0) -> list[Sensor]:
+def tell_apart(
+    log: Logger, path: Path, say: Callable[[str], object], ask: Callable[[str], str], patience: float = 120.0
+) -> list[MappedSensor]:
     """Ask for each sensor to be warmed, and write its name to the map.
 
     Parameters
@@ -39,7 +41,7 @@ def tell_apart(log: Logger, path: Path, say: Callable[[str], object], ask: Calla
     """
     roms = _sensors(log)
     say(f"{len(roms)} sensors answer. Warm one of them between two fingers.")
-    made: list[Sensor] = []
+    made: list[MappedSensor] = []
     while len(made) < len(roms):
         left = [rom for rom in roms if rom not in {each.rom for each in made}]
         rom = left[0] if len(left) == 1 else _warmed(log, left, patience)
@@ -53,7 +55,7 @@ def tell_apart(log: Logger, path: Path, say: Callable[[str], object], ask: Calla
             say("a name is needed, and each once.")
             continue
         old = log.sensors.get(rom)
-        made.append(Sensor(name, rom, old.certificate if old is not None else None, old.note if old is not None else ""))
+        made.append(MappedSensor(name, rom, old.certificate if old is not None else None, old.note if old is not None else ""))
         save_sensor(path, made[-1])
         if len(made) < len(roms):
             say(f"'{name}' is written. Warm the next one." if len(left) > 2 else f"'{name}' is written. The last one is left.")
@@ -118,7 +120,9 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
     return SensorCertificate(mean, error, ICE, when)
 
 
-def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool], readings: int = 120) -> list[Sensor]:
+def ice_point(
+    log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool], readings: int = 120
+) -> list[MappedSensor]:
     """Read all sensors in ice water and write their certificates to the map.
 
     Parameters
@@ -157,8 +161,8 @@ def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Ca
         except RecordError as error:
             say(f"{log.name_of(rom)}: no certificate: {error.message}")
             continue
-        old = log.sensors.get(rom, Sensor(rom, rom))
-        made.append(Sensor(old.name, rom, given, old.note))
+        old = log.sensors.get(rom, MappedSensor(rom, rom))
+        made.append(MappedSensor(old.name, rom, given, old.note))
         save_sensor(path, made[-1])
         say(f"{old.name}: it shows {given.offset:+.3f} K too much, +- {given.uncertainty:.3f} K; written")
     return made

@@ -1,29 +1,286 @@
-"""The logger: every line of the board on disk before the next is read; whatever goes wrong is a mark in the log, and it goes on."""
+"""The logger: every line of the board on disk before the next is read; whatever goes wrong is a mark in the log, and it goes on.
+
+What the board is told (`Settings`, `Link`), what of its lines is a fault (`FaultWatch`), and what is kept of its readings (`History`).
+"""
 
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.acquire.benchlog import MOST_CURRENT, RANGE, LogFile
 from thermid.acquire.boardport import BoardPort
-from thermid.acquire.history import History
-from thermid.acquire.link import Link
 from thermid.acquire.port import Port
 from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import Sensor
-from thermid.acquire.settings import Settings as Settings
-from thermid.acquire.store import Store
-from thermid.acquire.watch import Watch
-from thermid.acquire.wire import Line, parse_line
+from thermid.acquire.sensormap import MappedSensor
+from thermid.acquire.wire import BoardLine, parse_line, sealed
 from thermid.errors import RecordError
 
 _JUMP = 1.0
 _WALL_EVERY = 600.0
+_PATIENCE = 1.0
+_TRIES = 5
+_WORDS = {
+    "crc": "three readings with a wrong CRC",
+    "lost": "nothing answers",
+    "short": "the bus is held low",
+    "power": "it was without supply and may show 85 degC",
+    "range": "its value lies outside -55 to 125 degC",
+    "over": f"{MOST_CURRENT:g} A, the most that it can measure, is reached",
+    "absent": "it is in the map and does not answer",
+    "85": "it shows the 85 degC of power-up",
+}
+_QUIET = ("count",)
+Array = NDArray[np.float64]
+_LATE = 900
+_EARLY = 600
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the board is told.
+
+    Parameters
+    ----------
+    interval : float          Time between cycles. [s]
+    bits : int                Resolution of the sensors.
+    limit : float             Temperature of any sensor at which the board cuts the heaters off. [degC]
+    silence : float           Time without a word from here after which the board cuts the heaters off. [s]
+    """
+
+    interval: float = 1.0
+    bits: int = 12
+    limit: float = 100.0
+    silence: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check against what the board takes."""
+        for word, value, low, high in (
+            ("interval", self.interval, 0.1, 3600.0),
+            ("bits", self.bits, 9, 12),
+            ("limit", self.limit, -55.0, 125.0),
+            ("silence", self.silence, 0.2, 3600.0),
+        ):
+            if not low <= value <= high:
+                raise RecordError(f"{word} = {value:g} lies outside {low:g} to {high:g}.", "settings")
+
+    def commands(self) -> list[str]:
+        """Return the commands that a board needs after a reset."""
+        return [
+            f"limit,{round(self.limit * 16)}",
+            f"silence,{round(self.silence * 1000)}",
+            f"resolution,{self.bits}",
+            f"interval,{round(self.interval * 1000)}",
+        ]
+
+
+class Link:
+    """Commands on their way.
+
+    Parameters
+    ----------
+    settings : Settings   What a board is told when it begins.
+    clears : bool         Whether heaters that were cut off are allowed again at the start.
+    """
+
+    def __init__(self, settings: Settings, clears: bool = False) -> None:
+        self._settings = settings
+        self._next = 1
+        self._open: dict[int, tuple[str, float, int]] = {}
+        self._duties: tuple[int, int] | None = None
+        self._alive = -1e9
+        self.failed: list[str] = []
+        self._clears = clears
+
+    def connected(self) -> None:
+        """Begin again with a board that knows nothing."""
+        own = [*self._settings.commands(), "identify"]
+        if self._clears:
+            own.insert(0, "clear")  # somebody has asked for it at this start; a cable that comes back clears nothing
+            self._clears = False
+        asked = [command for command, _, tries in self._open.values() if not tries and command not in own and "heater," not in command]
+        self._open.clear()
+        self._duties = None
+        for command in [*own, *asked]:
+            self.add(command)
+
+    def add(self, command: str) -> None:
+        """Put a command in line."""
+        self._open[self._next] = (command, -1e9, 0)
+        self._next += 1
+
+    @property
+    def idle(self) -> bool:
+        """Whether every command is answered."""
+        return not self._open
+
+    def due(self, now: float, seconds: float, programme: Programme | None) -> list[str]:
+        """Return the lines to send: new commands, those that nobody answered, a sign of life."""
+        if programme is not None and (duties := programme.at(seconds)) != self._duties:
+            before = self._duties or (-1, -1)
+            for k, duty in enumerate(duties):
+                if duty != before[k]:
+                    self._drop(f"heater,{k + 1},")
+                    self.add(f"heater,{k + 1},{duty}")
+            self._duties = duties
+        out = []
+        for number, (command, sent, tries) in list(self._open.items()):
+            if now - sent < _PATIENCE:
+                continue
+            if tries >= _TRIES:
+                self.failed.append(command)
+                del self._open[number]
+                continue
+            self._open[number] = (command, now, tries + 1)
+            out.append(sealed(f"{number},{command}"))
+        if out:
+            self._alive = now
+        elif now - self._alive >= self._settings.silence / 4.0:
+            self._alive = now
+            out.append(sealed("0,alive"))
+        return out
+
+    def off(self) -> list[str]:
+        """Return the lines that turn both heaters off."""
+        self._open.clear()
+        if not self._duties or not any(self._duties):
+            return []
+        self._duties = (0, 0)
+        numbers = range(self._next, self._next + 2)
+        self._next += 2
+        for k, number in enumerate(numbers, 1):
+            self._open[number] = (f"heater,{k},0", 1e9, 1)
+        return [sealed(f"{number},{self._open[number][0]}") for number in numbers]
+
+    def answered(self, fields: tuple[str, ...]) -> str:
+        """Take in an answer; return what was refused and why, or an empty text."""
+        number, word = fields
+        known = self._open.pop(int(number), None) if number.isdigit() else None
+        return f"{known[0]}: {word}" if known is not None and word != "ok" else ""
+
+    def _drop(self, beginning: str) -> None:
+        """Forget commands that a newer one replaces."""
+        self._open = {n: each for n, each in self._open.items() if not each[0].startswith(beginning)}
+
+
+class FaultWatch:
+    """State of each source.
+
+    Parameters
+    ----------
+    name_of : callable   Name of a source.
+    roms : collection    Sensors of the map.
+    """
+
+    def __init__(self, name_of: Callable[[str], str], roms: Collection[str] = ()) -> None:
+        self._name, self._known = name_of, set(roms)
+        self._called: set[str] = set()
+        self._told: set[str] = set()
+        self.values: dict[str, float] = {}
+        """Last good value of each source: degC, heater share of one, V, A."""
+        self.faults: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+
+    def look(self, line: BoardLine) -> list[tuple[str, str]]:
+        """Return the marks that a line asks for: word and text."""
+        if line.kind == "E" and line.fields[0] not in _QUIET:
+            if line.fields[0] == "latched":
+                return [("latched", f"heaters stay off since they were cut off ({line.fields[1]}), until --clear-latch")]
+            detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
+            return [(line.fields[0], f"the board says so{' of ' + detail if detail else ''}")]
+        if line.kind in "BSC":
+            return self._roll_call(line)
+        if line.kind != "D":
+            return []
+        source, _, status = line.fields
+        value = None if line.raw is None else line.raw * (1 / 16 if len(source) == 16 else {"H": 1e-3, "V": 1e-3, "I": 1e-4}[source[0]])
+        fault = "" if status == "ok" else status
+        if not fault and len(source) == 16 and value is not None:
+            if not RANGE[0] <= value <= RANGE[1]:
+                fault = "range"
+            elif value == 85.0 and abs(self.values.get(source, 0.0) - 85.0) > 2.0:
+                fault = "85"
+        elif not fault and source[0] == "I" and value is not None and abs(value) >= MOST_CURRENT:
+            fault = "over"
+        before = self.faults.get(source, "")
+        if fault:
+            self.faults[source] = fault
+            self.counts[source] = self.counts.get(source, 0) + 1
+        else:
+            self.faults.pop(source, None)
+            if value is not None:
+                self.values[source] = value
+        if fault == before:
+            return []
+        return (
+            [("fault", f"{self._name(source)} {fault}: {_WORDS[fault]}")] if fault else [("good", f"{self._name(source)} after {before}")]
+        )
+
+    def _roll_call(self, line: BoardLine) -> list[tuple[str, str]]:
+        """Return marks for sensors of the map that do not answer, and for those that answer and are not in it."""
+        if line.kind == "B":
+            self._called = set()
+        if line.kind == "S":
+            self._called.add(line.fields[0])
+        absent, unnamed = self._known - self._called, self._called - self._known
+        if line.kind != "C" or not self._known or self._told == absent | unnamed:
+            return []
+        self._told = absent | unnamed
+        self.faults |= dict.fromkeys(absent, "absent")
+        return [("absent", f"{self._name(rom)} (ROM {rom}): {_WORDS['absent']}") for rom in sorted(absent)] + [
+            ("unnamed", f"{rom} answers and is not in the map") for rom in sorted(unnamed)
+        ]
+
+
+class History:
+    """Readings of one channel; one thread may add while another looks."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all: conditions have changed."""
+        with self._lock:
+            self._late: list[tuple[float, float]] = []
+            self._early = np.empty((3, 0))  # time, value and how many readings they stand for
+            self._width = 0.0
+
+    def add(self, seconds: float, value: float) -> None:
+        """Take in a reading. [s, K]"""
+        with self._lock:
+            self._late.append((seconds, value))
+            if len(self._late) < 2 * _LATE:
+                return
+            moved = np.array([(t, v, 1.0) for t, v in self._late[:_LATE]]).T
+            del self._late[:_LATE]
+            self._width = self._width or 2.0 * float(moved[0, -1] - moved[0, 0]) / _LATE
+            self._early = _binned(np.hstack([self._early, moved]), self._width)
+            while self._early.shape[1] > _EARLY:
+                self._width *= 2.0
+                self._early = _binned(self._early, self._width)
+
+    def arrays(self) -> tuple[Array, Array]:
+        """Return times and values. [s], [K]"""
+        with self._lock:
+            early, late = self._early, np.array(self._late).reshape(-1, 2).T
+        return np.hstack([early[0], late[0]]), np.hstack([early[1], late[1]])
+
+
+def _binned(points: Array, width: float) -> Array:
+    """Return means over bins of a width (3, bins)."""
+    starts = np.flatnonzero(np.diff(np.floor(points[0] / width), prepend=-np.inf))
+    count = np.add.reduceat(points[2], starts)
+    return np.vstack([np.add.reduceat(row * points[2], starts) / count for row in points[:2]] + [count])
 
 
 @dataclass
@@ -64,7 +321,7 @@ class Logger:
         self,
         path: str | Path,
         port: Callable[[], str | BoardPort],
-        sensors: Mapping[str, Sensor] | None = None,
+        sensors: Mapping[str, MappedSensor] | None = None,
         settings: Settings | None = None,
         programme: Programme | None = None,
         *,
@@ -76,7 +333,7 @@ class Logger:
         self.sensors = dict(sensors or {})
         self.settings = settings or Settings()
         self.programme = programme
-        self.store = Store(path, sync=sync)
+        self.store = LogFile(path, sync=sync)
         if self.store.trip and not clear_latch and programme is not None and programme.heats:
             trip = self.store.trip
             self.store.close()
@@ -87,7 +344,7 @@ class Logger:
         self._tried = self._gone = -1e9
         self._quiet = self._full = self._fresh = False
         self._link = Link(self.settings, clear_latch)
-        self.watch = Watch(self.name_of, self.sensors)
+        self.watch = FaultWatch(self.name_of, self.sensors)
         self.history: dict[str, History] = {}
         """Readings of each sensor since a heater last changed. [s of the board, degC]"""
         self.state = _State()
@@ -122,7 +379,7 @@ class Logger:
         self.marks[word] += 1
         self.store.write(f"# mark {self.store.session} {self.elapsed:.6f} {word} {text}")
 
-    def step(self, timeout: float = 0.2) -> Line | None:
+    def step(self, timeout: float = 0.2) -> BoardLine | None:
         """Wait for one line, put it on disk, and return it; None when none came or it was no good line. [s]"""
         self._check_clock()
         self._check_disk()
@@ -205,7 +462,7 @@ class Logger:
         self._gone = self.elapsed
         self.mark("port-gone", str(error) or "the port is gone")
 
-    def _take(self, data: bytes) -> Line | None:
+    def _take(self, data: bytes) -> BoardLine | None:
         """Put what was read on disk, then look at it."""
         text = data.decode("latin-1").rstrip("\r\n")
         try:
@@ -245,7 +502,7 @@ class Logger:
             for each in self.history.values():
                 each.clear()
 
-    def _count(self, line: Line, elapsed: float) -> None:
+    def _count(self, line: BoardLine, elapsed: float) -> None:
         """Follow the board's number and time: what is missing, what was a reset."""
         state = self.state
         if state.number >= 0:

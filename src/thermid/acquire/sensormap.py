@@ -18,7 +18,7 @@ _BROKEN = 5.0
 
 
 @dataclass(frozen=True)
-class Sensor:
+class MappedSensor:
     """One line of the map.
 
     Parameters
@@ -45,7 +45,7 @@ class Sensor:
         return out
 
 
-def load_sensors(path: str | Path) -> dict[str, Sensor]:
+def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     """Return the sensors of a map file by their ROM.
 
     Raises
@@ -63,7 +63,7 @@ def load_sensors(path: str | Path) -> dict[str, Sensor]:
     tables = content.get("sensors")
     if not isinstance(tables, Mapping) or not tables or set(content) != {"sensors"}:
         raise RecordError('a sensor map has tables such as [sensors.T1] with rom = "28...", and nothing else.', place.name)
-    out: dict[str, Sensor] = {}
+    out: dict[str, MappedSensor] = {}
     for name, table in tables.items():
         sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
         if sensor.rom in out:
@@ -72,7 +72,7 @@ def load_sensors(path: str | Path) -> dict[str, Sensor]:
     return out
 
 
-def _sensor(name: str, table: object, where: str) -> Sensor:
+def _sensor(name: str, table: object, where: str) -> MappedSensor:
     """Return one sensor of the file."""
     if not isinstance(table, Mapping) or not isinstance(table.get("rom"), str):
         raise RecordError('it needs rom = "28...", 16 hexadecimal digits as the board sends them.', where)
@@ -85,7 +85,7 @@ def _sensor(name: str, table: object, where: str) -> Sensor:
     if not rom_is_good(rom):
         raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
     given = table.get("certificate")
-    return Sensor(name, rom, None if given is None else _certificate(given, f"{where}.certificate"), str(table.get("note", "")))
+    return MappedSensor(name, rom, None if given is None else _certificate(given, f"{where}.certificate"), str(table.get("note", "")))
 
 
 def _certificate(given: object, where: str) -> SensorCertificate:
@@ -96,7 +96,7 @@ def _certificate(given: object, where: str) -> SensorCertificate:
     return found
 
 
-def save_sensor(path: str | Path, sensor: Sensor) -> None:
+def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
     """Write a sensor into a map file, in place of the one of its name; comments and the other sensors stay."""
     import tomlkit
 

@@ -20,7 +20,7 @@ _FIELDS: Final = {"B": (3, 3), "S": (2, 2), "C": (3, 3), "R": (2, 2), "E": (1, 2
 _TURN: Final = 1 << 32
 
 
-class Line(NamedTuple):
+class BoardLine(NamedTuple):
     """One line of the board.
 
     Parameters
@@ -95,7 +95,7 @@ def unsealed(text: str) -> str:
     return body
 
 
-def parse_line(text: str) -> Line:
+def parse_line(text: str) -> BoardLine:
     """Return what a line of the board says.
 
     Raises
@@ -110,7 +110,7 @@ def parse_line(text: str) -> Line:
             raise RecordError(f"a value with status '{status}' {'has no' if not raw else 'cannot have a'} raw value.")
         if len(source) == 16 and not rom_is_good(source):
             raise RecordError(f"ROM {source} does not carry its own CRC.")
-        return _checked(Line("D", int(number), int(ms), (source, raw or "", status)))
+        return _checked(BoardLine("D", int(number), int(ms), (source, raw or "", status)))
     other = _OTHER.match(body)
     if other is None:
         raise RecordError(f"'{body[:40]}' is no line of the protocol.")
@@ -121,10 +121,10 @@ def parse_line(text: str) -> Line:
         raise RecordError(f"a line {kind} has {least} to {most} fields, this one {len(fields)}.")
     if kind == "S" and not (re.fullmatch("[0-9A-F]{16}", fields[0]) and rom_is_good(fields[0]) and fields[1] in ("9", "10", "11", "12")):
         raise RecordError(f"'{rest[:40]}' is no ROM with a resolution.")
-    return _checked(Line(kind, int(number), int(ms), fields))
+    return _checked(BoardLine(kind, int(number), int(ms), fields))
 
 
-def _checked(line: Line) -> Line:
+def _checked(line: BoardLine) -> BoardLine:
     """Return a line whose counters fit their 32 bits."""
     if line.number >= _TURN or line.ms >= _TURN:
         raise RecordError("its number or time does not fit 32 bits.")

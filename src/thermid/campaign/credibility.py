@@ -14,7 +14,7 @@ from thermid.errors import NameNotFoundError, nearest
 from thermid.files import CREDIBILITY, write_text
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.units import NAMES, unit
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from thermid.knowledge.store import State, Store, ValueOrigin, graft
 from thermid.knowledge.values import FittedValues, load_store, read_values, values_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, deck_text
+from thermid.model.tree.tree import ParameterSet, deck_text
 from thermid.units import TEMPERATURE
 
 UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))

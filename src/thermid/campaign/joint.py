@@ -27,7 +27,7 @@ from thermid.knowledge.store import Store, graft
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.tree.identity import definition_of, instances
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 
 if TYPE_CHECKING:
     from thermid.campaign.file import CampaignSource

@@ -20,7 +20,7 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
-from thermid.model.tree.names import Names
+from thermid.model.tree.tree import Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.engine import Options

@@ -32,9 +32,8 @@ from thermid.model.parts.standing import Standing
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.identity import definition_of, inside, instances
 from thermid.model.tree.model import Model
-from thermid.model.tree.replacement import Replacement, Start, short_text
-from thermid.model.tree.resolve import ParameterSet
-from thermid.model.tree.touching import touching
+from thermid.model.tree.replacement import Replacement, Start, short_text, touching
+from thermid.model.tree.tree import ParameterSet
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario

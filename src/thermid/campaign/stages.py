@@ -26,7 +26,7 @@ from thermid.measure import Record
 from thermid.model.laws.signal import literal
 from thermid.model.parts.standing import Standing, worst
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, parameter_table
+from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.simulation.scenarios.scenario import STEADY, Scenario
 from thermid.toml_files import resolve_inside
 

@@ -1,37 +1,32 @@
-"""`thermid studio`: the local page with the model, its curves and sliders."""
+"""The local page: studio."""
 
 from __future__ import annotations
 
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(studio)
+from thermid.cli.options import Data
+from thermid.studio.project import Project
+from thermid.studio.server import serve
 
 
 def studio(
     file: Annotated[Path, typer.Argument(help="A deck or a campaign (TOML).")],
-    data: Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")] = None,
+    data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the file.")] = None,
     log: Annotated[Path | None, typer.Option("--log", help="A log that grows, to be followed in the view Bench.")] = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
 ) -> None:
     """Open a deck or campaign as a page on this machine: sliders, levels, scenarios, a log that grows."""
-    from thermid.studio.project import Project
-    from thermid.studio.server import serve
-
     project = Project(file, data, results)
 
     def ready(address: str) -> None:
         typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
         if browser:
-            import webbrowser
-
             webbrowser.open(address)
 
     serve(project, port, ready, log.resolve() if log is not None else None)

@@ -15,7 +15,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import at_their_seats, attached, meet, role_and_target
 from thermid.measure import Record
 from thermid.measure.amounts import short
-from thermid.measure.record.steady import SteadyPoint
+from thermid.measure.record.steadiness import SteadyPoint
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT

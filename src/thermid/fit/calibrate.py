@@ -35,7 +35,7 @@ from thermid.measure.amounts import short
 from thermid.model.laws.signal import Table
 from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import deck_text, parameter_table
+from thermid.model.tree.tree import deck_text, parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 

@@ -23,7 +23,7 @@ from thermid.measure.amounts import digits, short
 from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.units import counted, unit
 
 LOUD = "NOT CREDIBLE: "

@@ -15,7 +15,7 @@ from thermid.interop.wired import Wired, conductance_text, identifiers, one_line
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, Table
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario

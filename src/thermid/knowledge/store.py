@@ -19,7 +19,7 @@ from thermid.model.parts.standing import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import depth, inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Dropped
-from thermid.model.tree.resolve import Entry, deck_text, parameter_table
+from thermid.model.tree.tree import Entry, deck_text, parameter_table
 
 Array = NDArray[np.float64]
 

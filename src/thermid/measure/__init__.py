@@ -9,7 +9,7 @@ from thermid.measure.readers.log_reader import read_record as read_record
 from thermid.measure.readers.plain import read_plain as read_plain
 from thermid.measure.record.channel import Channel as Channel
 from thermid.measure.record.channel import Origin as Origin
+from thermid.measure.record.channel import SampleTable as SampleTable
 from thermid.measure.record.record import Record as Record
-from thermid.measure.record.record import Table as Table
 from thermid.measure.record.sensor import SensorCertificate as SensorCertificate
 from thermid.measure.record.sensor import SensorPart as SensorPart

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.errors import ScenarioError, quoted
-from thermid.model.tree.flat import Flat, FlatConductor
-from thermid.model.tree.surroundings import bare, gas_nodes, still, surrounding
+from thermid.model.tree.flat import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.network.medium import VACUUM_LIMIT, Media
 from thermid.physics.constants import ATMOSPHERE
 

@@ -15,10 +15,8 @@ from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import Store
 from thermid.model.parts.takes import exposed_area
-from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
 from thermid.model.tree.model import Model
-from thermid.model.tree.streams import unclosed
-from thermid.model.tree.surroundings import into_gas, radiates_into
 from thermid.network.gas_checks import TRACE, refuse_unsaid, traced
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import Media

@@ -18,8 +18,7 @@ from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
 from thermid.model.laws.signal import Constant, Drawn, Mixed, Signal
 from thermid.model.parts.kinds import Law
-from thermid.model.tree.flat import Flat, FlatConductor
-from thermid.model.tree.streams import by_volume, flow_of, fluid_of, streams_of, unfed
+from thermid.model.tree.flat import Flat, FlatConductor, by_volume, flow_of, fluid_of, streams_of, unfed
 from thermid.network.medium import AIR_RANGE, VACUUM_LIMIT, Media
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT

@@ -19,7 +19,7 @@ from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.values import FittedValues
 from thermid.model.parts.standing import UNJUDGED, Standing
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, parameter_table
+from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.network.network import compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
 from thermid.prediction.structural import (

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.extensions import extension
-from thermid.measure.record.stability import StabilityRule, rule_of
+from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
 from thermid.measure.amounts import duration_text
-from thermid.measure.record.stability import StabilityRule
+from thermid.measure.record.steadiness import StabilityRule
 from thermid.physics.constants import ICE_POINT
 from thermid.profile_runs.legs import Leg
 

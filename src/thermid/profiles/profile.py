@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from thermid.errors import ScenarioError, ThermidError, nearest
 from thermid.files import PROFILE, write_text
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.profiles.number import SLOTS, WORDS, Number, number

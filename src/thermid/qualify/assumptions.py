@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.model.laws.signal import literal
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.prediction.budget import assumed_values
 from thermid.prediction.foresight import Foresight

@@ -16,7 +16,8 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.files import COPY, DELIVERY, folder_replacing, read_bytes, write_bytes, write_text
 from thermid.knowledge.values import FittedValues
-from thermid.model.deck.modelfile import load_model, save_model
+from thermid.model.deck.modelfile import load_model
+from thermid.model.deck.save import save_model
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import digest
 from thermid.reduction.macro import assumed

@@ -20,7 +20,7 @@ from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
 from thermid.judge.margins import POLICIES
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known

@@ -18,7 +18,7 @@ from thermid.judge.margins import heater_duty
 from thermid.judge.verdict import compare
 from thermid.measure import Record, read_record
 from thermid.measure.amounts import duration_text
-from thermid.measure.record.stability import rule_of
+from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ICE_POINT

@@ -9,7 +9,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import Entry, own_tables, parameter_table
+from thermid.model.tree.tree import Entry, own_tables, parameter_table
 
 UNIT = "unit"
 """Name of the submodel that a macro model calls its unit."""

@@ -16,8 +16,8 @@ from thermid.model.laws.signal import literal
 from thermid.model.parts.elements import LOAD_SLOTS
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.flat import FlatConductor, FlatLoad
+from thermid.model.tree.identity import made_to
 from thermid.model.tree.model import Model
-from thermid.model.tree.written import made_to
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import STEFAN_BOLTZMANN

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.model.blocks.block import FACES, Block, Exchange
-from thermid.model.blocks.block_cells import exchange_cells, links
+from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
 from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.block_solution import Again, BlockSolution

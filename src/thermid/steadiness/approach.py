@@ -16,9 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.measure.record.steady import correlation_factor
+from thermid.measure.record.steadiness import correlation_factor
 from thermid.memo import Memo
-from thermid.steadiness.mixture import Mixture
 
 Array = NDArray[np.float64]
 BINS: Final = 120
@@ -36,6 +35,41 @@ BENT: Final = 0.005
 """The same within the readings, as a share of the change in them: what cannot be told from noise. [-]"""
 SCALES: Final = np.exp(0.2 * np.linspace(-2.0, 2.0, 9))
 """Factors on time constants that a model gives: it is trusted to 20 %."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """A sum of normal distributions.
+
+    Parameters
+    ----------
+    weights, means, spreads : array (parts,)   [-], [K], [K]
+    """
+
+    weights: Array
+    means: Array
+    spreads: Array
+
+    @property
+    def mean(self) -> float:
+        """[K]"""
+        return float(self.weights @ self.means)
+
+    def below(self, value: float) -> float:
+        """Return the probability of lying below a value."""
+        from scipy.special import ndtr
+
+        return float(self.weights @ ndtr((value - self.means) / self.spreads))
+
+    def quantile(self, share: float) -> float:
+        """Return the value with that share below it. [K]"""
+        keep = self.weights > 1e-6 * self.weights.max()
+        part = Mixture(self.weights[keep] / self.weights[keep].sum(), self.means[keep], self.spreads[keep])
+        low, high = float((part.means - 9.0 * part.spreads).min()), float((part.means + 9.0 * part.spreads).max())
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if part.below(middle) < share else (low, middle)
+        return 0.5 * (low + high)
 
 
 @dataclass(frozen=True, eq=False)

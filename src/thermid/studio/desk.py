@@ -16,7 +16,7 @@ from thermid.fit.problem.experiment import attached, corrected
 from thermid.fit.problem.residuals import Bench, Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.diagrams.folding import parts_of

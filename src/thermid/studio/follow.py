@@ -16,7 +16,7 @@ from thermid.measure.readers.formats import is_bench_log
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
-from thermid.measure.record.stability import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
+from thermid.measure.record.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import forecast
 from thermid.steadiness.stabilisation import Stability

@@ -23,7 +23,7 @@ from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import save_store
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, deck_text, parameter_table
+from thermid.model.tree.tree import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.blocks.cells import Table
 from thermid.reporting.pages.tables import levels

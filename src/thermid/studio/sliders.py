@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from thermid.model.tree.resolve import Entry
+from thermid.model.tree.tree import Entry
 from thermid.units import unit
 
 

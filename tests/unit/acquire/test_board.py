@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from thermid.acquire.board import Board
-from thermid.acquire.wire import Line, parse_line, sealed
+from thermid.acquire.wire import BoardLine, parse_line, sealed
 
 
-def lines(board: Board) -> list[Line]:
+def lines(board: Board) -> list[BoardLine]:
     return [parse_line(each) for each in board.take()]
 
 
@@ -19,7 +19,7 @@ def heated(hot: float = 20.0) -> Board:
     return board
 
 
-def duties(found: list[Line]) -> list[tuple[int, int]]:
+def duties(found: list[BoardLine]) -> list[tuple[int, int]]:
     return [(each.ms, int(each.fields[1])) for each in found if each.kind == "D" and each.fields[0] == "H1"]
 
 

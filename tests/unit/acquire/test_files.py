@@ -10,7 +10,7 @@ import pytest
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.guide import certificate_of
 from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import Sensor, load_sensors, save_sensor
+from thermid.acquire.sensormap import MappedSensor, load_sensors, save_sensor
 from thermid.errors import MissingDataError, RecordError, UnitError
 from thermid.measure.record.sensor import SensorCertificate
 
@@ -21,12 +21,12 @@ GOOD = f'[sensors.T1]\nrom = "{A}"\n'
 def test_a_map_survives_its_file(tmp_path: Path) -> None:
     path = tmp_path / "sensors.toml"
     path.write_text(f'# our bench\n[sensors.T1]\nrom = "{A}"  # the blue one\n')
-    save_sensor(path, Sensor("T2", B, SensorCertificate(0.125, 0.04, date="2026-02-01"), "on the cover"))
+    save_sensor(path, MappedSensor("T2", B, SensorCertificate(0.125, 0.04, date="2026-02-01"), "on the cover"))
     found = load_sensors(path)
-    assert found[A] == Sensor("T1", A)
-    assert found[B] == Sensor("T2", B, SensorCertificate(0.125, 0.04, date="2026-02-01"), "on the cover")
+    assert found[A] == MappedSensor("T1", A)
+    assert found[B] == MappedSensor("T2", B, SensorCertificate(0.125, 0.04, date="2026-02-01"), "on the cover")
     assert "the blue one" in path.read_text()
-    save_sensor(path, Sensor("T3", B))  # a new name for the same sensor
+    save_sensor(path, MappedSensor("T3", B))  # a new name for the same sensor
     assert [each.name for each in load_sensors(path).values()] == ["T1", "T3"]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thermid.acquire.history import History
+from thermid.acquire.logger import History
 
 
 def test_a_day_stays_small_and_true() -> None:

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.acquire import store as stores
+from thermid.acquire import benchlog as stores
 from thermid.acquire.board import Board, made_up_rom
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import Sensor
+from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.terminal import Terminal
 from thermid.acquire.wire import sealed
 from thermid.errors import RecordError
@@ -37,7 +37,7 @@ class Bench:
         self.log = self.logger(**settings)
 
     def logger(self, **settings: float) -> Logger:
-        names = {rom: Sensor(f"T{k}", rom) for k, rom in enumerate(self.board.roms, 1)}
+        names = {rom: MappedSensor(f"T{k}", rom) for k, rom in enumerate(self.board.roms, 1)}
         return Logger(self.path, lambda: str(self.folder / "port"), names, Settings(silence=60.0, **settings), sync=False)
 
     def record(self) -> td.Record:
@@ -246,7 +246,7 @@ def test_settings_that_no_board_takes_are_refused(word: str) -> None:
 
 def test_the_map_is_held_against_what_answers(tmp_path: Path) -> None:
     board = Board(lambda t, d: [21.0, 22.0], 2)
-    names = {rom: Sensor(name, rom) for rom, name in ((board.roms[0], "plate"), (made_up_rom(9), "ghost"))}
+    names = {rom: MappedSensor(name, rom) for rom, name in ((board.roms[0], "plate"), (made_up_rom(9), "ghost"))}
     with Terminal(board, speed=50.0) as terminal:
         log = Logger(tmp_path / "b.log", lambda: terminal.port, names, Settings(silence=60.0), sync=False)
         until(log, lambda: log.state.seconds > 5.0)
@@ -260,7 +260,7 @@ def test_the_map_is_held_against_what_answers(tmp_path: Path) -> None:
 
 def test_heaters_that_were_cut_off_need_a_word_before_they_are_on_again(tmp_path: Path) -> None:
     board, path = Board(lambda t, d: [50.0], 1), tmp_path / "b.log"
-    names, heats = {board.roms[0]: Sensor("plate", board.roms[0])}, Programme((0.0,), ((300, 0),))
+    names, heats = {board.roms[0]: MappedSensor("plate", board.roms[0])}, Programme((0.0,), ((300, 0),))
     with Terminal(board, speed=50.0, link=tmp_path / "port") as terminal:
 
         def logger(programme: Programme | None, **more: bool) -> Logger:

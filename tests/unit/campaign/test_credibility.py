@@ -38,7 +38,7 @@ def record(campaign: Campaign) -> td.CredibilityRecord:
 
 class TestRecord:
     def test_every_value_is_there(self, record: td.CredibilityRecord, campaign: Campaign) -> None:
-        from thermid.model.tree.resolve import parameter_table
+        from thermid.model.tree.tree import parameter_table
 
         assert set(record) == set(parameter_table(campaign["pair"].fitted_model))
         assert sum(record.states.values()) == len(record)

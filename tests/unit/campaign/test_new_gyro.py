@@ -11,8 +11,7 @@ import pytest
 import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.model.deck.modelfile import load_model
-from thermid.model.tree.identity import identities
-from thermid.model.tree.model import Model
+from thermid.model.tree.model import Model, identities
 from unit.fit.bench import log
 from unit.fit.project import write_log
 

@@ -18,9 +18,9 @@ from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.fit.calibrate import fit
 from thermid.knowledge.store import Store
-from thermid.model.deck.modelfile import save_model
-from thermid.model.tree.resolve import ParameterSet
-from thermid.model.tree.touching import touching
+from thermid.model.deck.save import save_model
+from thermid.model.tree.replacement import touching
+from thermid.model.tree.tree import ParameterSet
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import CAMPAIGN, COOL, make_project, write_log
 

@@ -187,10 +187,10 @@ class TestCalibrate:
     def test_progress_goes_to_standard_error_once_it_takes_long(self, call: Call, campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         import itertools
 
-        import thermid.cli.app as app
+        import thermid.cli.fit as command
 
         seconds = itertools.count(0.0, 3.0)
-        monkeypatch.setattr(app.time, "monotonic", lambda: next(seconds))
+        monkeypatch.setattr(command.time, "monotonic", lambda: next(seconds))
         said = call("calibrate", campaign, "--json", "--fresh")
         assert json.loads(said.out)["status"] == "ok"
         assert [line.split(":")[0] for line in said.err.splitlines()] == ["box", "pair", "verdict on pair_two"]

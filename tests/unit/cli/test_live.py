@@ -13,13 +13,12 @@ import pytest
 import thermid as td
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger
-from thermid.acquire.sensormap import Sensor
+from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.wire import sealed
-from thermid.cli.judge import Judge
-from thermid.cli.live import live_table, plain_line
+from thermid.cli.bench import Judge, live_table, plain_line
 from thermid.errors import RecordError
 from thermid.measure.record.sensor import ICE, SensorCertificate
-from thermid.measure.record.stability import channel_stability, rule_of
+from thermid.measure.record.steadiness import channel_stability, rule_of
 from thermid.steadiness.forecast import forecast
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")
@@ -30,7 +29,9 @@ class Fed:
 
     def __init__(self, folder: Path, count: int, name: str = "part {}") -> None:
         self.roms = [made_up_rom(k) for k in range(count)]
-        sensors = {rom: Sensor(name.format(k), rom, SensorCertificate(0.25, 0.05, ICE, "2026-01-01")) for k, rom in enumerate(self.roms)}
+        sensors = {
+            rom: MappedSensor(name.format(k), rom, SensorCertificate(0.25, 0.05, ICE, "2026-01-01")) for k, rom in enumerate(self.roms)
+        }
         self.log = Logger(folder / "bench.log", lambda: "none", sensors, sync=False)
         self.number = 0
         self.judge = Judge(self.log, "3 C/h")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.cli.standing import WINS, leave
+from thermid.cli.options import PRECEDENCE, leave
 from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing
 from unit.cli.conftest import Call, Said
 from unit.fit.planted import planted
@@ -83,7 +83,7 @@ def test_calibrate_and_report(folder: Path, call: Call, monkeypatch: pytest.Monk
     assert call("calibrate", "campaign.toml", "--accept", "boks").code == 2
 
 
-@pytest.mark.parametrize("own", WINS)
+@pytest.mark.parametrize("own", PRECEDENCE)
 @pytest.mark.parametrize("state", ["credible", "unjudged", "not adequate", "not credible", "failed"])
 def test_bad_input_wins_over_a_failure_and_a_failure_over_inadequacy(own: int, state: str) -> None:
     standing = Standing(state, "why", "s")  # type: ignore[arg-type]

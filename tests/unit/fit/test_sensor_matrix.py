@@ -17,7 +17,7 @@ from thermid.cli.app import app
 from thermid.design.next_test import next_test
 from thermid.inference.identifiability import identifiability
 from thermid.measure import Record
-from thermid.model.deck.modelfile import save_model
+from thermid.model.deck.save import save_model
 from thermid.studio.answers import as_json, curves_object, desk_object, fit_object, picture, plan_object, project_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work

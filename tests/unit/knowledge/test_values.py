@@ -13,7 +13,8 @@ from thermid.errors import DeckError, NameNotFoundError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.values import FittedValue, FittedValues, load_values
-from thermid.model.deck.modelfile import load_model, save_model
+from thermid.model.deck.modelfile import load_model
+from thermid.model.deck.save import save_model
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError
-from thermid.measure.record.sensor import certified
+from thermid.measure.record.channel import certified
 
 ICE = 273.15
 

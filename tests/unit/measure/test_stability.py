@@ -8,7 +8,7 @@ import pytest
 import thermid as td
 from thermid.errors import RecordError
 from thermid.measure.record.channel import Channel
-from thermid.measure.record.stability import RULES, channel_stability, resolution_of, rule_of, since_when
+from thermid.measure.record.steadiness import RULES, channel_stability, resolution_of, rule_of, since_when
 
 HOUR = 3600.0
 

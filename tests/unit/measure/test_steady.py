@@ -7,7 +7,7 @@ import pytest
 
 from thermid.errors import NameNotFoundError, RecordError
 from thermid.measure import Channel, Record
-from thermid.measure.record.steady import correlation_factor
+from thermid.measure.record.steadiness import correlation_factor
 
 TAU, END = 3600.0, 313.15
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 
 SIGMA = 5.670374419e-8
 ROOM = td.Scenario("room", boundaries={"wall": "20 [degC]"})

@@ -11,10 +11,11 @@ import pytest
 
 from thermid.errors import NameNotFoundError
 from thermid.knowledge.values import FittedValue
-from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
-from thermid.model.tree.identity import definition_of, identities
-from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.deck.save import save_model
+from thermid.model.tree.identity import definition_of
+from thermid.model.tree.model import Model, identities
+from thermid.model.tree.tree import ParameterSet
 
 Build = Callable[..., Model]
 MASS, HTC = "case.mass", "skin.htc"

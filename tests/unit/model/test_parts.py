@@ -14,8 +14,8 @@ from thermid.errors import DeckError, NameNotFoundError
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
-from thermid.model.tree.names import used_offers
 from thermid.model.tree.rules import RULES, findings
+from thermid.model.tree.tree import used_offers
 
 Build = Callable[..., Model]
 ROOT = Path(__file__).parents[3]

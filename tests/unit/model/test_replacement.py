@@ -10,9 +10,8 @@ import pytest
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.knowledge.values import FittedValue
 from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.tree.identity import identities
-from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.model import Model, identities
+from thermid.model.tree.tree import parameter_table
 
 Build = Callable[..., Model]
 HTC = "skin.htc"

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, OutputError
-from thermid.model.deck.modelfile import load_model, model_from_dict, save_model
+from thermid.model.deck.modelfile import load_model, model_from_dict
+from thermid.model.deck.save import save_model
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.flat import flatten
+from thermid.model.tree.identity import to_dict
 from thermid.model.tree.model import Model
-from thermid.model.tree.written import to_dict
 from thermid.network.network import compile_network
 from thermid.network.rows import CONTROLS, LOADS
 from thermid.seals import unsealed

@@ -13,7 +13,7 @@ import thermid as td
 from thermid.errors import DeckError, ScenarioError, SolverError
 from thermid.model.laws.curves import curve, evaluate
 from thermid.model.laws.stores import Store, store
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
 HEAT = [["0 [degC]", "400 [J/(kg K)]"], ["100 [degC]", "500 [J/(kg K)]"], ["300 [degC]", "800 [J/(kg K)]"]]

@@ -13,7 +13,7 @@ from thermid.errors import DeckError, ExpressionError, NameNotFoundError, Thermi
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 
 Build = Callable[..., Model]
 

@@ -157,7 +157,7 @@ def test_what_is_left_to_the_kernel() -> None:
 
 
 def _with(model: Model, conductor: dict[str, Any]) -> dict[str, Any]:
-    from thermid.model.tree.written import to_dict
+    from thermid.model.tree.identity import to_dict
 
     data = to_dict(model)
     data["conductors"]["curved"] = conductor

@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.laws.signal import Constant, Table
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.network.pressure import sampled, vented
 from thermid.physics.bodies import body_htc
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY

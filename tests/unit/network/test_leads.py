@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
 from thermid.model.laws.signal import Constant, Table
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.physics.conduction import fin_conductances, fin_parameter
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 

@@ -14,7 +14,7 @@ import thermid as td
 from thermid.cli import main
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError
 from thermid.model.laws.signal import Table
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="air", duration="10 [h]")

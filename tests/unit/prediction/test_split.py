@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, IdentificationError
 from thermid.measure import Channel, Record
-from thermid.model.tree.written import to_dict
+from thermid.model.tree.identity import to_dict
 from thermid.physics.finishes import FINISHES
 from thermid.physics.radiation import linearised_htc
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from planted import campaign
-from thermid.model.tree.resolve import parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.simulation.simulator import prepare
 from thermid.studio.answers import fit_object
 from thermid.studio.desk import Desk

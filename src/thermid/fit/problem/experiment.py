@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.knowledge.values import FittedValue
 from thermid.measure import Channel, Record
-from thermid.measure.record.join import SecondClock
+from thermid.measure.record.channel import SecondClock
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Signal, Table, conducted
-from thermid.model.tree.model import Model, Submodel
-from thermid.model.tree.names import Names
+from thermid.model.tree.model import Model
+from thermid.model.tree.tree import Names, Submodel
 from thermid.network.network import Network, compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine

@@ -24,7 +24,7 @@ from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.identity import definition_of, local_identities
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Options
 from thermid.units import TEMPERATURE, unit

@@ -19,7 +19,7 @@ from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values import rooted
 from thermid.linear_algebra import covariance, rank
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.solver.engine import Options
 
 Array = NDArray[np.float64]

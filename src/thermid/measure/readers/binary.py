@@ -18,8 +18,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from thermid.errors import MissingDataError, RecordError
-from thermid.measure.readers.series import Series, merged, text_of
-from thermid.measure.readers.textfile import Cells, Layout, cells_of_text
+from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
 
 OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 """Signature of Microsoft's compound files, such as .xls."""
@@ -76,7 +75,7 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
             groups = [(group.name, {c.name: c for c in group.channels() if len(c)}) for group in opened.groups()]
             groups = [(name, channels) for name, channels in groups if channels]
             begun = _beginning(channels for _, channels in groups)
-            series: list[Series] = []
+            series: list[ChannelSeries] = []
             for name, channels in groups:
                 series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
     except _DAMAGE as error:
@@ -107,7 +106,7 @@ def _moment(value: Any) -> datetime:
     return plain
 
 
-def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[Series]:
+def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[ChannelSeries]:
     own = next((n for n, c in channels.items() if np.issubdtype(c.dtype, np.datetime64)), None)
     own = own or next((n for n in channels if n.lower().partition(" ")[0].partition("[")[0] in _TIMES), None)
     out = []
@@ -122,7 +121,7 @@ def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None
         unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", "")).strip()
         shown = f"{group}/{name}" if group else name
         texts = [text_of(v) for v in channel[:].tolist()]
-        out.append(Series(_named(shown, unit), texts, times, [repr(t) for t in times], range(1, len(times) + 1)))
+        out.append(ChannelSeries(_named(shown, unit), texts, times, [repr(t) for t in times], range(1, len(times) + 1)))
     return out
 
 

@@ -15,10 +15,9 @@ from thermid.measure.readers.columns import decimal_sign, name_and_unit, numbers
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
-from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure.record.export import from_unit
 from thermid.measure.record.record import Record
-from thermid.measure.record.sensor import worn
 
 OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
@@ -85,7 +84,7 @@ def read_record(
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
     read = [(_channel(cells, each, parsed), each) for each in asked]
     sensors = [
-        worn(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
+        with_sensor(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
         for made, each in read
     ]
     made = [each for each, _ in sensors]

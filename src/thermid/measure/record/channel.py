@@ -1,19 +1,20 @@
-"""One measured channel, and where its samples came from."""
+"""Measured channels: one with its sensor, and several on one axis of times."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.errors import RecordError, nearest
-
-if TYPE_CHECKING:
-    from thermid.measure.record.sensor import SensorPart
+from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.measure.amounts import duration_text, positive_seconds, seconds
+from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.units import format_value
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -197,3 +198,260 @@ class Channel:
         """Return the channel at some of its samples."""
         masks = {reason: mask[keep] for reason, mask in self.masks.items()}
         return replace(self, values=self.values[keep], valid=self.valid[keep], masks=masks).checked()
+
+
+def ranged(channel: Channel, part: SensorPart) -> tuple[Channel, str]:
+    """Return the channel with readings at or beyond the sensor's range masked, and what was masked, in words; empty for nothing."""
+    outside = channel.valid & ((channel.values <= part.low) | (channel.values >= part.high))
+    if not outside.any():
+        return channel, ""
+    shown = " to ".join(format_value(end, "degC") for end in (part.low, part.high))
+    return channel.masked(outside, "out of range"), f"{channel.name}: {np.count_nonzero(outside)} readings at or beyond its range {shown}"
+
+
+def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel, str]:
+    """Return the channel with its readings corrected and its accuracy narrowed by a certificate, and what was done, in words."""
+    mean, sd = certificate.combined(channel.accuracy)
+    date = f" of {certificate.date}" if certificate.date else ""
+    said = f"{certificate.offset:+.3g} +- {certificate.uncertainty:.2g} K at {format_value(certificate.at, 'degC')}"
+    text = f"{channel.name}: certificate{date} {said}; readings corrected by {-mean:+.3g} K, accuracy {sd:.2g} K"
+    if channel.accuracy is not None:
+        far = abs(certificate.offset) / math.hypot(channel.accuracy, certificate.uncertainty)
+        text += f" (before {channel.accuracy:.2g} K)"
+        if far > 3.0:
+            text += f"; the offset is {far:.1f} times what the accuracy of its type allows: is it the right sensor?"
+    return replace(channel, values=channel.values - mean, accuracy=sd, correction=channel.correction + mean), text
+
+
+def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCertificate | None, where: str) -> tuple[Channel, list[str]]:
+    """Return a channel with its sensor's range and certificate applied, and what that did, in words.
+
+    Raises
+    ------
+    RecordError   When the channel holds no temperature, or all of its readings lie outside the range.
+    """
+    if part is None and certificate is None:
+        return channel, []
+    if channel.quantity != "temperature":
+        raise RecordError(f"it holds a {channel.quantity}; {', '.join(KEYS)} are of temperature sensors.", where)
+    notes = []
+    if part is not None:
+        channel, note = ranged(replace(channel, part=part), part)
+        notes.append(note)
+    if certificate is not None:
+        channel, note = certified(channel, certificate)
+        notes.append(note)
+    return channel, [note for note in notes if note]
+
+
+EVEN: Final = 0.01
+"""Share of the mean interval by which intervals of an even grid may differ from it."""
+
+
+def usual_step(times: FloatArray) -> float:
+    """Return the median of the intervals; zero for a single sample [s]."""
+    return float(np.median(np.diff(times))) if times.size > 1 else 0.0
+
+
+def gap_from(times: FloatArray) -> float:
+    """Return the interval from which on samples are missing: five times what nine of ten intervals reach [s].
+
+    A log may change its rate; the tenth longest interval follows that better than the median does.
+    """
+    return 5.0 * float(np.quantile(np.diff(times), 0.9, method="lower")) if times.size > 1 else 0.0
+
+
+def even_step(times: FloatArray) -> float | None:
+    """Return the step of an even grid (every interval within 1 % of their mean), or None [s]."""
+    steps = np.diff(times)
+    if steps.size == 0:
+        return None
+    mean = float(steps.mean())
+    return mean if np.all(np.abs(steps - mean) <= EVEN * mean) else None
+
+
+def gap_limit(times: FloatArray, valid: BoolArray, step: float, max_gap: str | float | None) -> float:
+    """Return the longest interval that is bridged [s].
+
+    It is as given, or else five times what nine of ten intervals between valid samples reach, and never less than two steps.
+    """
+    if max_gap is not None:
+        return positive_seconds(max_gap, "max_gap")
+    return max(gap_from(times[valid]), 2.0 * step)
+
+
+class SampleTable(NamedTuple):
+    """One channel as a signal.
+
+    Parameters
+    ----------
+    times : array (points,)    Times, from the start of the record to its end. [s]
+    values : array (points,)   Values: straight lines between them, or held where the channel is held. [SI]
+    bridged : float            Share of the record's duration that no pair of neighbouring valid samples covers. [-]
+    """
+
+    times: FloatArray
+    values: FloatArray
+    bridged: float
+
+
+@dataclass(frozen=True)
+class SecondClock:
+    """A clock beside a record's own, known within ranges only: a time t on it is ``offset + rate t``. A fit finds both.
+
+    Parameters
+    ----------
+    channels : tuple of str         What was logged on it.
+    offset, rate : (low, high)      Where they are looked for. [s, -]
+    at : (offset, rate)             Those at which the record holds these channels. [s, -]
+    times : (first, last)           Of the log with the other clock, to which the fit counts. [s]
+    step : float                    Median interval of the log on this clock. [s]
+    """
+
+    channels: tuple[str, ...]
+    offset: tuple[float, float]
+    rate: tuple[float, float]
+    at: tuple[float, float]
+    times: tuple[float, float]
+    step: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples:
+    """Measured channels on one axis of times: what a `Record` holds, and what of it is looked at without changing it.
+
+    Parameters
+    ----------
+    name : str                       Its name.
+    times : array (samples,)         Strictly increasing times. [s]
+    channels : mapping to Channel    Channels by name.
+    origin : Origin                  Where the samples came from; kept by every copy.
+    steps : tuple of str             What was done to the samples, in words and numbers.
+    second : SecondClock or None     A clock beside its own that a fit has yet to find.
+
+    Raises
+    ------
+    RecordError   When times do not increase, lengths differ, or two channels have one target.
+    """
+
+    name: str
+    times: FloatArray
+    channels: Mapping[str, Channel]
+    origin: Origin
+    steps: tuple[str, ...] = ()
+    second: SecondClock | None = None
+
+    def __post_init__(self) -> None:
+        """Check the channels against the times and each other."""
+        where = f"record '{self.name}'"
+        times = frozen(self.times, np.float64)
+        if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
+            raise RecordError(f"its times have shape {times.shape}; at least two finite times in one row are needed.", where)
+        back = np.flatnonzero(np.diff(times) <= 0)
+        if back.size:
+            at = int(back[0])
+            raise RecordError(f"its times do not increase: {times[at]:g} s is followed by {times[at + 1]:g} s (sample {at + 2}).", where)
+        taken: dict[tuple[str, str], str] = {}
+        for key, channel in self.channels.items():
+            if key != channel.name:
+                raise RecordError(f"channel '{channel.name}' stands under the name '{key}'. Use one name.", where)
+            if channel.values.size != times.size:
+                raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where)
+            if channel.target is not None:
+                # one node may be measured and prescribed for, but not measured twice under one role
+                kind = "load" if channel.role == "command" else channel.role
+                other = taken.setdefault((kind, channel.target), key)
+                if other != key:
+                    raise RecordError(
+                        f"channels '{other}' and '{key}' are both bound to {kind} '{channel.target}'. "
+                        "Bind one of them, or give the model a node for each sensor.",
+                        where,
+                    )
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "channels", dict(self.channels))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel.
+
+        Raises
+        ------
+        NameNotFoundError   When the record has none of that name.
+        """
+        if name not in self.channels:
+            known = ", ".join(self.channels) or "none"
+            raise NameNotFoundError(f"no channel '{name}'; it has {known}.{nearest(name, self.channels)}", f"record '{self.name}'")
+        return self.channels[name]
+
+    __getitem__ = channel
+
+    @property
+    def step(self) -> float:
+        """Median interval [s]."""
+        return usual_step(self.times)
+
+    def table(self, name: str, max_gap: str | float | None = None) -> SampleTable:
+        """Return a channel as a signal over the whole record.
+
+        Masked stretches are bridged: by a straight line, or by holding the last value of a held channel. Before the first and after the
+        last valid sample the nearest one is taken. An interval longer than `max_gap` counts as bridged too. [s]
+        """
+        channel = self.channel(name).checked()
+        gap = gap_limit(self.times, channel.valid, 0.0, max_gap)
+        steps = np.diff(self.times)
+        covered = channel.valid[:-1] & (channel.valid[1:] | channel.held) & (steps <= gap)
+        keep = channel.valid.copy()
+        keep[[0, -1]] = True
+        first, last = np.flatnonzero(channel.valid)[[0, -1]]
+        values = channel.values.copy()
+        if not channel.valid[0]:
+            values[0] = values[first]
+        if not channel.valid[-1]:
+            values[-1] = values[last]
+        return SampleTable(self.times[keep], values[keep], float(1.0 - steps[covered].sum() / steps.sum()))
+
+
+def _moment(record: Samples, given: object, what: str) -> float:
+    """Return a time on the record's axis [s]."""
+    if isinstance(given, str) and given.strip() in ("start", "end"):
+        return float(record.times[0 if given.strip() == "start" else -1])
+    try:
+        return seconds(given, what)
+    except RecordError as error:
+        raise RecordError(f"{error.message} 'start' and 'end' are known too.", error.where) from None
+
+
+def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
+    """Return the samples from start to end, and the stretch in words.
+
+    Raises
+    ------
+    RecordError   When the end is not after the start, or no sample lies between.
+    """
+    low, high = _moment(record, start, what), _moment(record, end, what)
+    text = f"{format_value(low, 's')} to {format_value(high, 's')}"
+    if high < low:
+        raise RecordError(f"its end lies before its start: {text}.", what)
+    # a time written with few digits must still meet the sample that it names
+    near = 1e-6 * record.step
+    inside = (record.times >= low - near) & (record.times <= high + near)
+    if not inside.any():
+        axis = f"{format_value(record.times[0], 's')} to {format_value(record.times[-1], 's')}"
+        raise RecordError(f"no sample lies from {text}; record '{record.name}' runs from {axis}.", what)
+    return inside, text
+
+
+def within_log(record: Samples, time: object, what: str) -> None:
+    """Refuse the time of a question that lies beyond the end of a log.
+
+    Raises
+    ------
+    RecordError   With where the log ends.
+    """
+    asked, last = _moment(record, time, what), float(record.times[-1])
+    if asked > last + record.step:
+        raise RecordError(f"nothing was logged at {duration_text(asked)}; the log ends at {duration_text(last)}. Ask for 'end'.", what)

@@ -10,14 +10,11 @@ import numpy as np
 
 from thermid.files import LOG, replacing
 from thermid.measure.amounts import duration_text
-from thermid.measure.record.channel import Channel, FloatArray
-from thermid.measure.record.windows import even_step, gap_from, usual_step
+from thermid.measure.record.channel import Channel, FloatArray, Samples, even_step, gap_from
 from thermid.units import format_value, unit
 
 if TYPE_CHECKING:
     from xarray import Dataset
-
-    from thermid.measure.record.record import Record
 
 
 def from_unit(values: FloatArray, text: str) -> FloatArray:
@@ -38,7 +35,7 @@ def _texts(values: FloatArray, text: str) -> list[str]:
     return texts
 
 
-def to_csv(record: Record, path: str | Path) -> None:
+def to_csv(record: Samples, path: str | Path) -> None:
     """Write a record as a comma-separated log with units in its header, each channel in the unit of its file, masked samples empty.
 
     Read again, times and values are the same to one unit in the last place. The hash is the same too when nothing was masked, averaged or
@@ -59,7 +56,7 @@ def to_csv(record: Record, path: str | Path) -> None:
         writer.writerows(zip(*columns, strict=True))
 
 
-def to_xarray(record: Record) -> Dataset:
+def to_xarray(record: Samples) -> Dataset:
     """Return a record as a data set over `time`, SI units in the attributes, masked samples as NaN."""
     import xarray
 
@@ -89,9 +86,9 @@ def si_unit(channel: Channel) -> str:
     return " ".join(f"{base}^{power}" if power != 1 else base for base, power in zip(bases, dimension, strict=True) if power)
 
 
-def headline(record: Record) -> str:
+def headline(record: Samples) -> str:
     """Return name, samples, duration, step and channels in one line."""
-    step = f"{usual_step(record.times):.4g} s" + ("" if even_step(record.times) is not None else " (median, uneven)")
+    step = f"{record.step:.4g} s" + ("" if even_step(record.times) is not None else " (median, uneven)")
     made = "synthetic, " if record.origin.synthetic else ""
     return (
         f"Record '{record.name}': {made}{record.times.size} samples over {duration_text(record.duration)}, step {step}; "
@@ -99,7 +96,7 @@ def headline(record: Record) -> str:
     )
 
 
-def summary(record: Record) -> str:
+def summary(record: Samples) -> str:
     """Return a record in words: its size, gaps, origin, channels and steps, a line for each."""
     origin = record.origin
     start = f", from {origin.start}" if origin.start else ""

@@ -1,46 +1,50 @@
-"""A record: the channels of one log on one time axis. Every method returns a new record; the samples read are never changed."""
+"""A record: the channels of one log on one axis of times. Every method returns a new record; the samples read are never changed.
+
+Filters act on temperatures. A command holds between its samples, so no filter touches it; a power is filtered only when asked. A masked
+sample keeps its number.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure.record import export, flags, join, prepare, sensor
-from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, frozen
-from thermid.measure.record.join import SecondClock
-from thermid.measure.record.steps import run_steps
-from thermid.measure.record.windows import usual_step
+from thermid.errors import RecordError, ThermidError, nearest
+from thermid.measure.amounts import amount, positive_seconds
+from thermid.measure.record import export, windows
+from thermid.measure.record.channel import (
+    BoolArray,
+    Channel,
+    FloatArray,
+    Origin,
+    Samples,
+    SecondClock,
+    digest,
+    even_step,
+    gap_limit,
+    stretch,
+    with_sensor,
+)
+from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
+from thermid.units import TEMPERATURE, format_value
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from thermid.measure.record.steady import SteadyPoint
+FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
+"""What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 
 
-class Table(NamedTuple):
-    """One channel as a signal.
-
-    Parameters
-    ----------
-    times : array (points,)    Times, from the start of the record to its end. [s]
-    values : array (points,)   Values: straight lines between them, or held where the channel is held. [SI]
-    bridged : float            Share of the record's duration that no pair of neighbouring valid samples covers. [-]
-    """
-
-    times: FloatArray
-    values: FloatArray
-    bridged: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Record:
+class Record(Samples):
     """Measured channels on one time axis.
 
     Parameters
@@ -57,42 +61,6 @@ class Record:
     RecordError   When times do not increase, lengths differ, or two channels have one target.
     """
 
-    name: str
-    times: FloatArray
-    channels: Mapping[str, Channel]
-    origin: Origin
-    steps: tuple[str, ...] = ()
-    second: SecondClock | None = None
-
-    def __post_init__(self) -> None:
-        """Check the channels against the times and each other."""
-        where = f"record '{self.name}'"
-        times = frozen(self.times, np.float64)
-        if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
-            raise RecordError(f"its times have shape {times.shape}; at least two finite times in one row are needed.", where)
-        back = np.flatnonzero(np.diff(times) <= 0)
-        if back.size:
-            at = int(back[0])
-            raise RecordError(f"its times do not increase: {times[at]:g} s is followed by {times[at + 1]:g} s (sample {at + 2}).", where)
-        taken: dict[tuple[str, str], str] = {}
-        for key, channel in self.channels.items():
-            if key != channel.name:
-                raise RecordError(f"channel '{channel.name}' stands under the name '{key}'. Use one name.", where)
-            if channel.values.size != times.size:
-                raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where)
-            if channel.target is not None:
-                # one node may be measured and prescribed for, but not measured twice under one role
-                kind = "load" if channel.role == "command" else channel.role
-                other = taken.setdefault((kind, channel.target), key)
-                if other != key:
-                    raise RecordError(
-                        f"channels '{other}' and '{key}' are both bound to {kind} '{channel.target}'. "
-                        "Bind one of them, or give the model a node for each sensor.",
-                        where,
-                    )
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "channels", dict(self.channels))
-
     @classmethod
     def from_arrays(cls, name: str, times: ArrayLike, channels: Mapping[str, ArrayLike | Channel], *, synthetic: bool = True) -> Record:
         """Return a record of samples made in Python, marked as synthetic.
@@ -104,30 +72,11 @@ class Record:
         channels : mapping       Arrays of temperatures [K], or whole `Channel` values, by name.
         synthetic : bool         Set it False for samples that were measured and read by other means.
         """
-        made = {key: each if isinstance(each, Channel) else Channel.of(key, each, column=key) for key, each in channels.items()}
+        of = {key: each if isinstance(each, Channel) else Channel.of(key, each, column=key) for key, each in channels.items()}
         axis = np.asarray(times, dtype=np.float64)
-        sha = digest([("time", axis), *((key, each.values) for key, each in made.items())])
-        origin = Origin(name, sha, None, ("time", *made), axis.size, "time", synthetic)
-        return cls(name, axis, made, origin)
-
-    @property
-    def duration(self) -> float:
-        """Time from the first to the last sample [s]."""
-        return float(self.times[-1] - self.times[0])
-
-    def channel(self, name: str) -> Channel:
-        """Return a channel.
-
-        Raises
-        ------
-        NameNotFoundError   When the record has none of that name.
-        """
-        if name not in self.channels:
-            known = ", ".join(self.channels) or "none"
-            raise NameNotFoundError(f"no channel '{name}'; it has {known}.{nearest(name, self.channels)}", f"record '{self.name}'")
-        return self.channels[name]
-
-    __getitem__ = channel
+        sha = digest([("time", axis), *((key, each.values) for key, each in of.items())])
+        origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
+        return cls(name, axis, of, origin)
 
     def select(self, *names: str) -> Record:
         """Return the record with these channels only."""
@@ -146,62 +95,260 @@ class Record:
         """
         where = f"record '{self.name}', {name}"
         for key in keys:
-            if key not in sensor.KEYS:
-                raise RecordError(f"no key '{key}'; there are {', '.join(sensor.KEYS)}.{nearest(key, sensor.KEYS)}", where)
-        certificate = sensor.SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
-        made, notes = sensor.worn(self.channel(name), sensor.SensorPart.read(keys, where), certificate, where)
-        return replace(self, channels={**self.channels, name: made}, steps=(*self.steps, *notes))
+            if key not in KEYS:
+                raise RecordError(f"no key '{key}'; there are {', '.join(KEYS)}.{nearest(key, KEYS)}", where)
+        certificate = SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
+        channel, notes = with_sensor(self.channel(name), SensorPart.read(keys, where), certificate, where)
+        return replace(self, channels={**self.channels, name: channel}, steps=(*self.steps, *notes))
 
     def trim(self, start: str | float = "start", end: str | float = "end") -> Record:
-        """Return the samples from `start` to `end`, both included; texts such as ``"2 [s]"``, "start", "end", or seconds."""
-        return prepare.trim(self, start, end)
+        """Return the samples from `start` to `end`, both included; times stay as they are.
 
-    def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
-        """Return the record on an even grid, with the instants at which a command changes kept if asked; see `prepare.resample`."""
-        return prepare.resample(self, step, max_gap, switches=switches)
+        Parameters
+        ----------
+        start, end : str or float   Texts such as ``"2 [s]"``, "start", "end", or seconds.
+
+        Raises
+        ------
+        RecordError   When fewer than two samples remain, or a channel keeps no valid one.
+        """
+        inside, text = stretch(self, start, end, "trim")
+        kept = int(inside.sum())
+        if kept < 2:
+            raise RecordError(f"only {kept} sample lies from {text}; two are needed.", "trim")
+        channels = {name: each.taken(inside) for name, each in self.channels.items()}
+        steps = (*self.steps, f"trim: {text}, {kept} of {inside.size} samples kept")
+        return replace(self, times=self.times[inside], channels=channels, steps=steps)
+
+    def shift_start(self) -> Record:
+        """Return the record with times from zero."""
+        first = float(self.times[0])
+        return replace(self, times=self.times - first, steps=(*self.steps, f"shift_start: {first:.6g} s taken from all times"))
 
     def median(self, window: str | float, *, powers: bool = False) -> Record:
-        """Return temperatures (and powers, if asked) through a centred moving median; see `prepare.median`."""
-        return prepare.median(self, window, powers=powers)
+        """Return temperatures (and powers, if asked) through a moving median, centred in time, of valid samples within half a window.
+
+        At the ends the window is cut; there a slope leaves an error of at most a quarter of the window times the slope. Masked samples
+        stay masked.
+
+        Raises
+        ------
+        RecordError   When the window is not above zero or longer than the record.
+        """
+        width = self._window(window, "median")
+        chosen = self._filtered(powers, "median")
+        channels = [
+            replace(each, values=np.where(each.valid, windows.moving_median(self.times, each.values, each.valid, width), each.values))
+            for each in chosen
+        ]
+        return self._noted(f"median: centred window of {width:g} s on {', '.join(each.name for each in chosen)}", *channels)
 
     def filter(self, window: str | float, *, powers: bool = False) -> Record:
-        """Return temperatures (and powers, if asked) through a zero-phase low-pass; see `prepare.low_pass_filter`."""
-        return prepare.low_pass_filter(self, window, powers=powers)
+        """Return temperatures (and powers, if asked) through a second-order Butterworth low-pass, forward and backward: no shift in time.
+
+        `window` is the period at which half the amplitude remains. Masked stretches of up to a window are bridged for the filter and stay
+        masked; longer ones split the signal.
+
+        Raises
+        ------
+        RecordError   When times are uneven, or the window is not above two steps or longer than the record.
+        """
+        width = self._window(window, "filter")
+        chosen = self._filtered(powers, "filter")
+        step = even_step(self.times)
+        if step is None:
+            intervals = np.diff(self.times)
+            raise RecordError(
+                f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s); "
+                f"this filter needs an even grid. Resample first, for example to '{self.step:.3g} [s]', or use median.",
+                "filter",
+            )
+        if width <= 2 * step:
+            raise RecordError(f"{width:g} s is not above two steps of {step:g} s, so there is nothing to filter out.", "filter, window")
+        channels = [replace(each, values=windows.low_pass(each.values, each.valid, step, width)) for each in chosen]
+        names = ", ".join(each.name for each in chosen)
+        return self._noted(f"filter: zero-phase Butterworth low-pass of second order, half amplitude at {width:g} s, on {names}", *channels)
+
+    def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
+        """Return the record on an even grid from its first time.
+
+        Powers and commands hold their last sample; all else runs straight between valid samples. Nothing is filled in across more than
+        `max_gap` (by default five times what nine of ten intervals between valid samples reach, and never less than two steps): such
+        samples are masked as 'gap'. A coarser grid keeps the noise of single samples, so filter first.
+
+        A power or command that changes between two grid times would seem to change at the later one. With `switches` the instants of such
+        changes are kept as times of their own, at which all else is masked as 'switch'; the grid is then no longer even.
+
+        Raises
+        ------
+        RecordError   When the step is not above zero or longer than the record, or a channel keeps no valid sample.
+        """
+        width = self._window(step, "resample")
+        count = int(np.floor(self.duration / width + 1e-9)) + 1
+        even = self.times[0] + width * np.arange(count)
+        grid = np.union1d(even, self._switches(even[-1])) if switches else even
+        regular = np.isin(grid, even)
+        channels: dict[str, Channel] = {}
+        for each in self.channels.values():
+            law = windows.hold if each.held else windows.interpolate
+            each.checked()
+            values, valid = law(self.times, each.values, each.valid, grid, gap_limit(self.times, each.valid, width, max_gap))
+            masks = {"gap": ~valid} if each.held else {"gap": ~valid & regular, "switch": ~regular}
+            channels[each.name] = replace(each, values=values, valid=valid & (regular | each.held), masks=masks).checked()
+        text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
+        text += f"; {grid.size - count} instants of their changes kept" if switches else ""
+        gaps = ", ".join(f"{each.name} {each.flags['gap']}" for each in channels.values() if "gap" in each.flags)
+        raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
+        text += (f"; masked as gaps: {gaps}" if gaps else "") + ("; no filter before it, so single samples were picked" if raw else "")
+        return replace(self, times=grid, channels=channels, steps=(*self.steps, text))
+
+    def _switches(self, last: float) -> FloatArray:
+        """Return the times up to `last` at which a held channel has another value than before [s]."""
+        out = np.zeros(0)
+        for each in self.channels.values():
+            if each.held:
+                times, values = self.times[each.valid], each.values[each.valid]
+                out = np.union1d(out, times[1:][np.diff(values) != 0])
+        return out[out <= last]
 
     def flag_spikes(self, threshold: str | float, window: str | float, channels: Sequence[str] | None = None) -> Record:
-        """Return the record with single wild temperatures masked; see `flags.flag_spikes`."""
-        return flags.flag_spikes(self, threshold, window, channels)
+        """Return the record with temperatures masked that stand out from the moving median (Hampel's identifier).
+
+        A sample is a spike when it is further from the median of its window than `threshold`: a temperature difference such as
+        ``"3 [K]"``, or a number of robust standard deviations of the window. A quantised sensor shows no deviation smaller than half a
+        step, so it is never taken below that.
+
+        Raises
+        ------
+        RecordError   When window or threshold are not above zero, the window is longer than the record, or nothing valid remains.
+        """
+        width = self._window(window, "spikes")
+        absolute = isinstance(threshold, str)
+        limit = amount(threshold, "K" if absolute else "1", "spikes, threshold")
+        if limit <= 0:
+            raise RecordError(f"{threshold!r} is not above zero.", "spikes, threshold")
+        masked = []
+        for each in self._temperatures(channels, "spikes"):
+            centre, spread = windows.hampel(self.times, each.values, each.valid, width)
+            # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * _sensor_step(each))
+            masked.append(each.masked(np.abs(each.values - centre) > allowed, "spike"))
+        unit = "K" if absolute else "robust standard deviations"
+        return self._noted(
+            f"spikes: masked {self._lost(masked)}; further than {limit:g} {unit} from the median of {width:g} s",
+            *masked,
+        )
 
     def flag_faults(
         self,
-        codes: Iterable[str | float] = flags.FAULT_CODES,
+        codes: Iterable[str | float] = FAULT_CODES,
         low: str | float | None = None,
         high: str | float | None = None,
         jump: str | float = "2 [K]",
         channels: Sequence[str] | None = None,
     ) -> Record:
-        """Return the record with fault codes and temperatures outside a range masked; see `flags.flag_faults`."""
-        return flags.flag_faults(self, codes, low, high, jump, channels)
+        """Return the record with fault codes, and temperatures outside a range, masked as 'fault'.
+
+        85 degC is also a temperature that a sensor can pass. A code is therefore a fault only where it differs by more than `jump` from
+        the line between the nearest samples that are no codes.
+
+        Parameters
+        ----------
+        codes : texts or floats       Temperatures that stand for faults, ``"85 [degC]"``, or [K].
+        low, high : text or float     Lowest and highest temperature that can be, or None. [K]
+        jump : text or float          Difference to the neighbours from which a code is a fault. [K]
+        channels : sequence of str    Channels to look at; all temperatures by default.
+        """
+        levels = [amount(code, TEMPERATURE, "faults, codes") for code in codes]
+        bottom = -np.inf if low is None else amount(low, TEMPERATURE, "faults, low")
+        top = np.inf if high is None else amount(high, TEMPERATURE, "faults, high")
+        if bottom >= top:
+            raise RecordError(f"low ({low}) is not below high ({high}).", "faults")
+        least = amount(jump, "K", "faults, jump")
+        masked = []
+        for each in self._temperatures(channels, "faults"):
+            outside = each.valid & ((each.values < bottom) | (each.values > top))
+            read = each.values + each.correction  # a code is what the sensor said, not what a certificate makes of it
+            code = each.valid & np.any([np.abs(read - level) < 1e-6 for level in levels] or [np.zeros_like(each.valid)], axis=0)
+            good = each.valid & ~outside & ~code
+            if good.any():
+                code &= np.abs(each.values - np.interp(self.times, self.times[good], each.values[good])) > least
+            masked.append(each.masked(outside | code, "fault"))
+        listed = ", ".join(format_value(level, "degC") for level in levels) or "none"
+        limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
+        return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
 
     def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
         """Return the record with a stretch of a channel masked, both ends included."""
-        return flags.mask(self, channel, start, end, reason)
+        measured = self.channel(channel)
+        inside, text = stretch(self, start, end, f"mask of '{channel}'")
+        masked = measured.masked(inside, reason)
+        return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
     def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
         """Return the record with the samples of a channel masked where an array (samples,) is True."""
-        return flags.masked_where(self, channel, where, reason)
-
-    def shift_start(self) -> Record:
-        """Return the record with times from zero."""
-        return prepare.shift_start(self)
+        measured, chosen = self.channel(channel), np.asarray(where)
+        if chosen.dtype != np.bool_ or chosen.shape != self.times.shape:
+            raise RecordError(
+                f"an array of {self.times.size} truth values is needed; this one has shape {chosen.shape} and type {chosen.dtype}.",
+                "masked_where",
+            )
+        masked = measured.masked(chosen, reason)
+        return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
     @takes_objects
     def joined(self, other: Record, offset: float | tuple[float, float] = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
-        """Return the channels of both records: a time t on the other's clock is ``offset + rate t`` on this one's. [s]
+        """Return the channels of both records, on the times of both.
 
-        Pairs are ranges, within which `calibrate` finds them.
+        A time t on the other's clock is ``offset + rate t`` on this one's. [s] Pairs are ranges, within which `calibrate` finds them; until
+        then the record stands in their middle.
+
+        Raises
+        ------
+        RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
-        return join.joined(self, other, offset, rate)
+        offsets, rates = (_range(given, name, other.name) for given, name in ((offset, "offset"), (rate, "rate")))
+        middle = 0.5 * sum(offsets), 0.5 * sum(rates)
+        joint = self._joined(other, *middle, rates[0])
+        if offsets[0] == offsets[1] and rates[0] == rates[1]:
+            return joint
+        if self.second is not None or other.second is not None:
+            raise RecordError("one of them holds a clock already that a fit has to find. One at a time can be left open.", self.name)
+        ends = (float(self.times[0]), float(self.times[-1]))
+        clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
+        between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
+        return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
+
+    def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
+        """Return the channels of both at one offset [s] and rate."""
+        if not slowest > 0:
+            raise RecordError(f"a clock runs forward; its rate {slowest:g} must be above zero.", other.name)
+        both = sorted(set(self.channels) & set(other.channels))
+        if both:
+            raise RecordError(f"'{both[0]}' is a channel of both logs. Rename it in one of them.", f"{self.name}, {other.name}")
+        there = offset + rate * other.times
+        if there[-1] <= self.times[0] or there[0] >= self.times[-1]:
+            raise RecordError(
+                f"the logs do not overlap: {there[0]:.6g} .. {there[-1]:.6g} s and {self.times[0]:.6g} .. {self.times[-1]:.6g} s. "
+                "Give another offset.",
+                f"{self.name}, {other.name}",
+            )
+        times = np.union1d(self.times, there)
+        channels = {
+            name: _spread(each, np.searchsorted(times, axis), times.size)
+            for record, axis in ((self, self.times), (other, there))
+            for name, each in record.channels.items()
+        }
+        origin = replace(
+            self.origin,
+            file=f"{self.origin.file} + {other.origin.file}",
+            sha256=hashlib.sha256(f"{self.origin.sha256} {other.origin.sha256}".encode()).hexdigest(),
+            columns=(*self.origin.columns, *other.origin.columns),
+            rows=self.origin.rows + other.origin.rows,
+            synthetic=self.origin.synthetic or other.origin.synthetic,
+        )
+        step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
+        return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
 
     def steady(
         self,
@@ -209,37 +356,36 @@ class Record:
         end: str | float = "end",
         *,
         tau: object | None = None,
-        limit: str | float = "1 [K/h]",
+        limit: str | float = SETTLED,
         name: str = "",
-    ) -> SteadyPoint:
-        """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steady.steady_point`."""
-        from thermid.measure.record.steady import steady_point
-
+    ) -> SteadyPoint[Record]:
+        """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steadiness.steady_point`."""
         return steady_point(self, start, end, tau, limit, name)
 
     def prepare(self, steps: Iterable[Mapping[str, object]]) -> Record:
-        """Return the record after the steps of a campaign file, such as ``[{median = "4 [s]"}]``; see `steps.run_steps`."""
-        return run_steps(self, steps)
+        """Return the record after the steps of a campaign file, each a table with one key, such as ``[{median = "4 [s]"}]``.
 
-    def table(self, name: str, max_gap: str | float | None = None) -> Table:
-        """Return a channel as a signal over the whole record.
+        A step takes a table of options, a list of them in order, or the first one alone: ``{spikes = {threshold = 5, window = "10 [s]"}}``,
+        ``{trim = ["2 [s]", "end"]}``, ``{median = "4 [s]"}``. A step without options takes true.
 
-        Masked stretches are bridged: by a straight line, or by holding the last value of a held channel. Before the first and after the
-        last valid sample the nearest one is taken. An interval longer than `max_gap` counts as bridged too. [s]
+        Raises
+        ------
+        RecordError   When a step or an option is unknown or one is missing; with the place in the list, as every error of a step has.
         """
-        channel = self.channel(name).checked()
-        gap = prepare.gap_limit(self.times, channel.valid, 0.0, max_gap)
-        steps = np.diff(self.times)
-        covered = channel.valid[:-1] & (channel.valid[1:] | channel.held) & (steps <= gap)
-        keep = channel.valid.copy()
-        keep[[0, -1]] = True
-        first, last = np.flatnonzero(channel.valid)[[0, -1]]
-        values = channel.values.copy()
-        if not channel.valid[0]:
-            values[0] = values[first]
-        if not channel.valid[-1]:
-            values[-1] = values[last]
-        return Table(self.times[keep], values[keep], float(1.0 - steps[covered].sum() / steps.sum()))
+        record = self
+        for number, table in enumerate(steps, 1):
+            where = f"record '{record.name}', prepare[{number}]"
+            if not isinstance(table, Mapping) or len(table) != 1:
+                raise RecordError(f"{table!r} is no step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
+            ((name, given),) = table.items()
+            if name not in STEPS:
+                raise RecordError(f"no step '{name}'; there are {', '.join(STEPS)}.{nearest(str(name), STEPS)}", where)
+            options = _options(STEPS[name], given, f"{where}, {name}")
+            try:
+                record = getattr(record, STEPS[name].method)(**options)
+            except ThermidError as error:
+                raise type(error)(error.message, f"{where}, {error.where or name}") from None
+        return record
 
     def to_csv(self, path: str | Path) -> None:
         """Write the record as a log that `read_record` reads; see `export.to_csv`."""
@@ -253,11 +399,117 @@ class Record:
         """Return samples, duration, step, gaps, channels with their masked counts, and steps, as text."""
         return export.summary(self)
 
-    @property
-    def step(self) -> float:
-        """Median interval [s]."""
-        return usual_step(self.times)
-
     def __repr__(self) -> str:
         """One line: name, size, channels."""
         return export.headline(self)
+
+    def _noted(self, text: str, *changed: Channel) -> Record:
+        """Return the record with changed channels and one more step."""
+        return replace(self.with_channels(*changed), steps=(*self.steps, text))
+
+    def _window(self, given: object, what: str) -> float:
+        """Return a window that fits into the record [s]."""
+        window = positive_seconds(given, f"{what}, window")
+        if window > self.duration:
+            raise RecordError(f"{window:g} s is longer than record '{self.name}', which lasts {self.duration:g} s.", f"{what}, window")
+        return window
+
+    def _filtered(self, powers: bool, what: str) -> list[Channel]:
+        """Return the channels that a filter acts on: temperatures, and powers when asked."""
+        chosen = [each for each in self.channels.values() if each.quantity == "temperature" or (powers and each.quantity == "power")]
+        if not chosen:
+            raise RecordError(f"record '{self.name}' has no temperature channel to act on.", what)
+        return chosen
+
+    def _temperatures(self, names: Sequence[str] | None, what: str) -> list[Channel]:
+        """Return the named temperature channels, or all of them."""
+        if names is None:
+            return self._filtered(False, what)
+        chosen = [self.channel(name) for name in ([names] if isinstance(names, str) else names)]
+        for each in chosen:
+            if each.quantity != "temperature":
+                raise RecordError(f"channel '{each.name}' is a {each.quantity}, not a temperature.", what)
+        return chosen
+
+    def _masked_since(self, channel: Channel) -> int:
+        """Count the samples of a channel that are valid here and masked there."""
+        return int(np.count_nonzero(self.channels[channel.name].valid & ~channel.valid))
+
+    def _lost(self, masked: Sequence[Channel]) -> str:
+        """Return the samples that were masked of each channel, in words."""
+        return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
+
+
+def _sensor_step(channel: Channel) -> float:
+    """Return the step of a sensor: its resolution, or the usual difference between the levels that it took, or zero.
+
+    A record that takes each value twice or more on average is one of levels.
+    """
+    if channel.resolution is not None:
+        return channel.resolution
+    samples = channel.values[channel.valid]
+    levels = np.unique(np.round(samples, 9))  # a level converted from degC may differ in its last digit
+    if not 1 < levels.size <= samples.size / 2:
+        return 0.0
+    # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
+    return float(np.quantile(np.diff(levels), 0.25, method="lower"))
+
+
+def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
+    """Return a channel whose samples take some places among more, with nothing between them."""
+    values, valid = np.full(samples, np.nan), np.zeros(samples, dtype=bool)
+    values[places], valid[places] = channel.values, channel.valid
+    masks = {reason: np.zeros(samples, dtype=bool) for reason in channel.masks}
+    for reason, mask in channel.masks.items():
+        masks[reason][places] = mask
+    return replace(channel, values=values, valid=valid, masks=masks)
+
+
+def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
+    """Return the range of a clock's offset or rate."""
+    low, high = given if isinstance(given, tuple | list) else (given, given)
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise RecordError(f"the range {low:g} .. {high:g} of its clock's {name} must go from a lower to a higher number.", where)
+    return float(low), float(high)
+
+
+class Step(NamedTuple):
+    """A method of `Record` and its options: the first `required` must be given."""
+
+    method: str
+    required: int
+    options: tuple[str, ...]
+
+
+STEPS: Final = {
+    "trim": Step("trim", 1, ("start", "end")),
+    "median": Step("median", 1, ("window", "powers")),
+    "filter": Step("filter", 1, ("window", "powers")),
+    "resample": Step("resample", 1, ("step", "max_gap", "switches")),
+    "spikes": Step("flag_spikes", 2, ("threshold", "window", "channels")),
+    "faults": Step("flag_faults", 0, ("codes", "low", "high", "jump", "channels")),
+    "mask": Step("mask", 1, ("channel", "start", "end", "reason")),
+    "shift_start": Step("shift_start", 0, ()),
+}
+"""Steps of a campaign file by name."""
+
+
+def _options(step: Step, given: object, where: str) -> dict[str, object]:
+    """Return the options of one step by name."""
+    if isinstance(given, Mapping):
+        for key in given:
+            if key not in step.options:
+                listed = ", ".join(step.options) or "none"
+                raise RecordError(f"no option '{key}'; there are {listed}.{nearest(str(key), step.options)}", where)
+        options = dict(given)
+    elif given is True and step.required == 0:
+        options = {}
+    else:
+        values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+        if len(values) > len(step.options):
+            raise RecordError(f"{len(values)} values are given; it takes {', '.join(step.options) or 'none: write true'}.", where)
+        options = dict(zip(step.options, values, strict=False))
+    missing = [option for option in step.options[: step.required] if option not in options]
+    if missing:
+        raise RecordError(f"it needs {' and '.join(missing)}.", where)
+    return options

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
-
-import numpy as np
 
 from thermid.errors import RecordError, nearest
 from thermid.measure.amounts import amount
-from thermid.measure.record.channel import Channel
-from thermid.units import TEMPERATURE, format_value
+from thermid.units import TEMPERATURE
 
 ICE: Final = 273.15
 """The ice point, about which a scale is held to turn where nothing else is said. [K]"""
@@ -175,47 +172,3 @@ def _limits(given: object, where: str) -> tuple[float, float]:
     if low >= high:
         raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where)
     return low, high
-
-
-def ranged(channel: Channel, part: SensorPart) -> tuple[Channel, str]:
-    """Return the channel with readings at or beyond the sensor's range masked, and what was masked, in words; empty for nothing."""
-    outside = channel.valid & ((channel.values <= part.low) | (channel.values >= part.high))
-    if not outside.any():
-        return channel, ""
-    shown = " to ".join(format_value(end, "degC") for end in (part.low, part.high))
-    return channel.masked(outside, "out of range"), f"{channel.name}: {np.count_nonzero(outside)} readings at or beyond its range {shown}"
-
-
-def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel, str]:
-    """Return the channel with its readings corrected and its accuracy narrowed by a certificate, and what was done, in words."""
-    mean, sd = certificate.combined(channel.accuracy)
-    date = f" of {certificate.date}" if certificate.date else ""
-    said = f"{certificate.offset:+.3g} +- {certificate.uncertainty:.2g} K at {format_value(certificate.at, 'degC')}"
-    text = f"{channel.name}: certificate{date} {said}; readings corrected by {-mean:+.3g} K, accuracy {sd:.2g} K"
-    if channel.accuracy is not None:
-        far = abs(certificate.offset) / math.hypot(channel.accuracy, certificate.uncertainty)
-        text += f" (before {channel.accuracy:.2g} K)"
-        if far > 3.0:
-            text += f"; the offset is {far:.1f} times what the accuracy of its type allows: is it the right sensor?"
-    return replace(channel, values=channel.values - mean, accuracy=sd, correction=channel.correction + mean), text
-
-
-def worn(channel: Channel, part: SensorPart | None, certificate: SensorCertificate | None, where: str) -> tuple[Channel, list[str]]:
-    """Return a channel with its sensor's range and certificate applied, and what that did, in words.
-
-    Raises
-    ------
-    RecordError   When the channel holds no temperature, or all of its readings lie outside the range.
-    """
-    if part is None and certificate is None:
-        return channel, []
-    if channel.quantity != "temperature":
-        raise RecordError(f"it holds a {channel.quantity}; {', '.join(KEYS)} are of temperature sensors.", where)
-    notes = []
-    if part is not None:
-        channel, note = ranged(replace(channel, part=part), part)
-        notes.append(note)
-    if certificate is not None:
-        channel, note = certified(channel, certificate)
-        notes.append(note)
-    return channel, [note for note in notes if note]

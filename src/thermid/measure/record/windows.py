@@ -6,32 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thermid.measure.record.channel import BoolArray, FloatArray
+from thermid.measure.record.channel import BoolArray, FloatArray, usual_step
 
-_EVEN = 0.01
 _CELLS = 1_000_000
-
-
-def usual_step(times: FloatArray) -> float:
-    """Return the median of the intervals; zero for a single sample [s]."""
-    return float(np.median(np.diff(times))) if times.size > 1 else 0.0
-
-
-def gap_from(times: FloatArray) -> float:
-    """Return the interval from which on samples are missing: five times what nine of ten intervals reach [s].
-
-    A log may change its rate; the tenth longest interval follows that better than the median does.
-    """
-    return 5.0 * float(np.quantile(np.diff(times), 0.9, method="lower")) if times.size > 1 else 0.0
-
-
-def even_step(times: FloatArray) -> float | None:
-    """Return the step of an even grid (every interval within 1 % of their mean), or None [s]."""
-    steps = np.diff(times)
-    if steps.size == 0:
-        return None
-    mean = float(steps.mean())
-    return mean if np.all(np.abs(steps - mean) <= _EVEN * mean) else None
 
 
 def _gathered(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> Iterator[tuple[slice, FloatArray]]:

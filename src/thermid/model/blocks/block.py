@@ -1,4 +1,4 @@
-"""`Block`: a regular block or plate of cells, with heaters in boxes and faces that exchange or are held."""
+"""`Block`: a regular block or plate of cells, with heaters in boxes and faces that exchange or are held; its geometry; it as a `Model`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.laws.signal import Signal, literal, signal
+from thermid.model.deck.modelfile import model_from_dict
+from thermid.model.laws.signal import Constant, Signal, literal, signal
+from thermid.model.tree.model import Model
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")
+MOST_CELLS: Final = 20_000
+"""Cells of a block that is made a model."""
 CELL: Final = re.compile(r"cell\[(\d+),\s*(\d+),\s*(\d+)\]\Z")
 _NAME: Final = re.compile(r"[A-Za-z]\w*\Z")
 
@@ -267,16 +271,14 @@ class Block:
         found: Ints = (axes[0][:, None, None] * np.int32(ny * nz) + axes[1][:, None] * np.int32(nz) + axes[2]).ravel()
         return found
 
-    def model(self, offers: Iterable[str] = ()) -> Any:
+    def model(self, offers: Iterable[str] = ()) -> Model:
         """Return the block as an ordinary `Model`, of some thousand cells at most: to be a part of another one, or to be calibrated.
 
         Parameters
         ----------
         offers : iterable   What others may attach to: cells (``cell[0,0,0]``), faces (``+x``, their cells) or ``all``.
         """
-        from thermid.model.blocks.block_model import block_model
-
-        return block_model(self, tuple(offers))
+        return _block_model(self, tuple(offers))
 
 
 def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
@@ -300,3 +302,136 @@ def _boundary(name: str, where: str) -> str:
     if not _NAME.match(name):
         raise DeckError("a boundary needs a name of letters, digits and _, beginning with a letter.", where)
     return name
+
+
+def links(block: Block) -> tuple[Array, Array, Array]:
+    """Return the conductance (cells,) from every cell to the next in x, y, z, by the harmonic mean of conductivities; last ones 0. [W/K]"""
+    out = []
+    for axis in range(3):
+        found = np.zeros(block.cells)
+        low: Any = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
+        high: Any = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
+        k = block.conductivity
+        mean = 2.0 * k[low] * k[high] / (k[low] + k[high]) if isinstance(k, np.ndarray) else k
+        found[low] = mean * _face_area(block, axis) / block.steps[axis]
+        if block.link_factors is not None:
+            found[low] *= block.link_factors[axis]
+        out.append(found.ravel())
+    return out[0], out[1], out[2]
+
+
+def exchange_cells(block: Block, exchange: Exchange) -> tuple[Ints, Array, Array]:
+    """Return the cells of an exchange, each once: places, area over all its faces [m^2], conductance if the faces are held [W/K]."""
+    cells, areas, conductances = [], [], []
+    for face in exchange.faces:
+        axis, at = "xyz".index(face[1]), block.face_cells(face)
+        area = _face_area(block, axis)
+        k = block.conductivity.ravel()[at] if isinstance(block.conductivity, np.ndarray) else block.conductivity
+        cells.append(at)
+        areas.append(np.full(at.size, area))
+        conductances.append(np.broadcast_to(area / (0.5 * block.steps[axis] / k + 1.0 / exchange.contact), at.shape))
+    places, index = np.unique(np.concatenate(cells), return_inverse=True)
+    area_of, conductance_of = (np.bincount(index, np.concatenate(v)).astype(np.float64) for v in (areas, conductances))
+    return places, area_of, conductance_of
+
+
+def _face_area(block: Block, axis: int) -> float:
+    return math.prod(s for k, s in enumerate(block.steps) if k != axis)
+
+
+def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
+    """Return a block as a model: nodes ``c0_0_0``, parameters where one value holds for all cells; see `Block.model`.
+
+    Raises
+    ------
+    DeckError   When the block has too many cells, or a power that changes in time.
+    """
+    if block.count > MOST_CELLS:
+        raise DeckError(f"a model of {block.count} cells would be slow; at most {MOST_CELLS}. Simulate the block itself.", block.title)
+    for name, heater in block.heaters.items():
+        if not isinstance(heater.power, Constant):
+            raise DeckError(
+                f"the power of '{name}' changes in time. Give the heater its full power and let the scenario command its loads.",
+                block.title,
+            )
+    names = [f"c{'_'.join(str(i) for i in index)}" for index in np.ndindex(*block.cells)]
+    parameters: dict[str, Any] = {}
+    conductors = _between(block, names, parameters)
+    for k, exchange in enumerate(block.exchanges):
+        conductors |= _outside(block, exchange, k, names, parameters)
+    deck = {
+        "title": block.title,
+        "needs": list(block.boundaries),
+        "offers": [names[k] for k in _offered(block, offers)],
+        "nodes": _nodes(block, names, parameters),
+        "conductors": conductors,
+        "loads": _loads(block, names, parameters),
+        "parameters": parameters,
+    }
+    return model_from_dict({key: value for key, value in deck.items() if value})
+
+
+def _offered(block: Block, offers: tuple[str, ...]) -> list[int]:
+    """Return the places of the cells that others may attach to, each once."""
+    found: dict[int, None] = {}
+    for offer in offers:
+        places = range(block.count) if offer == "all" else block.face_cells(offer) if offer in FACES else [block.place(offer)]
+        found |= dict.fromkeys(int(p) for p in places)
+    return list(found)
+
+
+def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(block.density, np.ndarray) or isinstance(block.specific_heat, np.ndarray):
+        return {n: {"capacitance": f"{c!r} [J/K]"} for n, c in zip(names, block.capacities().tolist(), strict=True)}
+    parameters |= {"density": f"{block.density!r} [kg/m^3]", "specific_heat": f"{block.specific_heat!r} [J/(kg K)]"}
+    parameters["cell_volume"] = f"{float(np.prod(block.steps))!r} [m^3]"
+    return {n: {"mass": "density*cell_volume", "specific_heat": "specific_heat"} for n in names}
+
+
+def _between(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return the conductors between cells."""
+    uniform = not isinstance(block.conductivity, np.ndarray)
+    if uniform:
+        parameters["conductivity"] = f"{block.conductivity!r} [W/(m K)]"
+    _, ny, nz = block.cells
+    out: dict[str, Any] = {}
+    for axis, (g, step) in enumerate(zip(links(block), (ny * nz, nz, 1), strict=True)):
+        thickness = block.steps[axis]
+        for i in np.flatnonzero(g).tolist():
+            fields = {"conductance": f"{float(g[i])!r} [W/K]"}
+            if uniform:  # a factor on the link stands in its area
+                area = float(g[i]) * thickness / block.conductivity
+                fields = {"conductivity": "conductivity", "area": f"{area!r} [m^2]", "thickness": f"{thickness!r} [m]"}
+            out[f"{names[i]}_{'xyz'[axis]}"] = {"kind": "conduction", "between": [names[i], names[i + step]], **fields}
+    return out
+
+
+def _outside(block: Block, exchange: Exchange, k: int, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return the conductors of an exchange, its coefficients as parameters."""
+    out: dict[str, Any] = {}
+    laws: dict[str, tuple[str, str, Mapping[str, Any]]] = {}
+    if exchange.htc:
+        parameters[f"htc{k}"] = f"{exchange.htc!r} [W/(m^2 K)]"
+        law = {"coefficient": f"htc{k}", "exponent": exchange.exponent} if exchange.exponent else f"htc{k}"
+        laws["convection"] = ("convection", exchange.to, {"htc": law})
+    if exchange.emissivity:
+        parameters[f"emissivity{k}"] = exchange.emissivity
+        laws["radiation"] = ("radiation", exchange.radiates_to, {"emissivity": f"emissivity{k}"})
+    places, areas, conductances = exchange_cells(block, exchange)
+    for i, area, conductance in zip(places.tolist(), areas.tolist(), conductances.tolist(), strict=True):
+        if exchange.held:
+            given = {"kind": "conduction", "between": [names[i], exchange.to], "conductance": f"{conductance!r} [W/K]"}
+            out[f"{names[i]}_held{k}"] = given
+        for word, (kind, to, fields) in laws.items():
+            out[f"{names[i]}_{word}{k}"] = {"kind": kind, "between": [names[i], to], "area": f"{area!r} [m^2]", **fields}
+    return out
+
+
+def _loads(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for name, heater in block.heaters.items():
+        cells = block.heater_cells(name).tolist()
+        assert isinstance(heater.power, Constant)
+        parameters[f"{name}_power"] = f"{heater.power.value!r} [W]"
+        out |= {f"{name}_{names[i]}": {"into": names[i], "power": f"{name}_power/{len(cells)}"} for i in cells}
+    return out

@@ -15,7 +15,8 @@ from thermid.model.laws.curves import Curve
 from thermid.model.parts.build import elements_from, made_from
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.identity import definition_of
-from thermid.model.tree.model import Model, Submodel
+from thermid.model.tree.model import Model
+from thermid.model.tree.tree import Submodel
 from thermid.toml_files import Places, read_toml, resolve_inside
 
 DEEPEST = 20
@@ -171,23 +172,3 @@ def _check_names(model: Model) -> None:
 def _alias_in(model: Model, path: str) -> str | None:
     """Return the alias that a path is or starts with, or None."""
     return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)
-
-
-@takes_objects
-def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLike[str] | None = None) -> None:
-    """Write a model as a deck, and its submodels as decks beside it.
-
-    Parameters
-    ----------
-    path : path     The deck to write; submodels go to ``<title>.toml`` beside it.
-    like : path     A deck whose comments and order are kept; values that differ are changed in it.
-
-    Raises
-    ------
-    DeckError       When two different submodels would be written to one file.
-    OutputError     When a deck is there that thermid did not write, or that was changed since; the deck that `like` names may be
-                    overwritten.
-    """
-    from thermid.model.deck.save import write
-
-    write(model, Path(path), Path(like) if like is not None else None)

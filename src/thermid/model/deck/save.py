@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,13 @@ import tomlkit
 from tomlkit.container import Container
 from tomlkit.items import InlineTable, Item, Table
 
+from thermid.arguments import takes_objects
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
 from thermid.files import DECK, OWN, may_write, write_text
 from thermid.model.deck.modelfile import load_model
+from thermid.model.tree.identity import to_dict, written
 from thermid.model.tree.model import Model
-from thermid.model.tree.written import to_dict, written
 from thermid.seals import unsealed
 
 
@@ -23,19 +25,34 @@ def _file_name(title: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"
 
 
-def write(model: Model, path: Path, like: Path | None) -> None:
-    """Write a deck and the decks of its submodels."""
+@takes_objects
+def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLike[str] | None = None) -> None:
+    """Write a model as a deck, and its submodels as decks beside it.
+
+    Parameters
+    ----------
+    path : path     The deck to write; submodels go to ``<title>.toml`` beside it.
+    like : path     A deck whose comments and order are kept; values that differ are changed in it.
+
+    Raises
+    ------
+    DeckError       When two different submodels would be written to one file.
+    OutputError     When a deck is there that thermid did not write, or that was changed since; the deck that `like` names may be
+                    overwritten.
+    """
+    target = Path(path)
+    pattern = Path(like) if like is not None else None
     files: dict[Path, Model] = {}
-    _collect(model, path, files)
-    files = {target: part for target, part in files.items() if target == path or not _says(target, part)}
-    texts = {target: _text(part, like if target == path else None) for target, part in files.items()}
+    _collect(model, target, files)
+    files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
+    texts = {file: _text(part, pattern if file == target else None) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
-    changed = path if like is not None and _one_file(like, path) else None
-    kinds = {target: OWN if target == changed else DECK.of(part.title) for target, part in files.items()}
-    for target, kind in kinds.items():
-        may_write(target, kind)
-    for target, text in texts.items():
-        write_text(target, text, kinds[target])
+    changed = target if pattern is not None and _one_file(pattern, target) else None
+    kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
+    for file, kind in kinds.items():
+        may_write(file, kind)
+    for file, text in texts.items():
+        write_text(file, text, kinds[file])
 
 
 def _says(path: Path, model: Model) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from thermid.model.tree.model import Model
 
 COLOURS = ("white", "light grey", "dark grey", "black")
@@ -18,11 +16,11 @@ def node_boxes(model: Model, prefix: str = "") -> dict[str, str]:
     model : Model   The tree.
     prefix : str    What stands before the names of its nodes.
     """
-    own = (*model.nodes, *(joint.mid or f"{name}.mid" for name, joint in model.joints.items()))
-    out = {prefix + name: model.box for name in own}
-    for name, part in model.submodels.items():
-        out |= node_boxes(part.model, f"{prefix}{name}.")
-    return out
+    return {
+        start + name: part.box
+        for part, start in model.walk(prefix)
+        for name in (*part.nodes, *(joint.mid or f"{key}.mid" for key, joint in part.joints.items()))
+    }
 
 
 def mixed(colours: set[str]) -> str:
@@ -37,15 +35,8 @@ def mixed(colours: set[str]) -> str:
 def part_boxes(model: Model) -> dict[str, str]:
     """Return submodel -> its tag with that of everything in it; the empty path is the whole."""
     nodes = node_boxes(model)
-    parts = {"": model, **dict(_parts(model))}
+    parts = {prefix.removesuffix("."): part for part, prefix in model.walk()}
     return {
         path: mixed({part.box, *(colour for node, colour in nodes.items() if not path or node.startswith(f"{path}."))})
         for path, part in parts.items()
     }
-
-
-def _parts(model: Model, prefix: str = "") -> Iterator[tuple[str, Model]]:
-    """Yield path and model of every submodel at any depth."""
-    for name, part in model.submodels.items():
-        yield prefix + name, part.model
-        yield from _parts(part.model, f"{prefix}{name}.")

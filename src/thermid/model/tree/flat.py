@@ -1,12 +1,15 @@
-"""The tree laid flat: every node, conductor and load with canonical names, still in terms of parameters."""
+"""The tree laid flat: every node, conductor and load with canonical names, still in terms of parameters; its gas nodes and its streams."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
-from thermid.errors import DeckError, ThermidError
+import numpy as np
+
+from thermid.dual import value_of
+from thermid.errors import DeckError, ThermidError, quoted
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import Store, potential, store
@@ -15,10 +18,14 @@ from thermid.model.parts.enclosures import Face, pairs
 from thermid.model.parts.facing import Facing
 from thermid.model.parts.kinds import KINDS, Law
 from thermid.model.parts.takes import Take
-from thermid.model.tree.model import Model
-from thermid.model.tree.names import Names
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import Names, ParameterSet, Tree
+from thermid.physics.gas import GASES
 from thermid.units import require
+
+BALANCED: Final = 1e-3
+"""Share of a node's flow that may be missing: flows are written with three digits or more. [-]"""
+WALLS = ("walls", "air and walls")
+"""What a node stands for that radiation can reach."""
 
 
 @dataclass(frozen=True)
@@ -133,13 +140,7 @@ class Flat:
     made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
 
 
-def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
-    yield model, prefix
-    for name, part in model.submodels.items():
-        yield from _walk(part.model, f"{prefix}{name}.")
-
-
-def flatten(model: Model) -> Flat:
+def flatten(model: Tree) -> Flat:
     """Return the tree laid flat, with every name resolved and every unit checked.
 
     Raises
@@ -155,7 +156,7 @@ def flatten(model: Model) -> Flat:
     surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
     finishes: dict[str, str] = {}
     faces: dict[str, FlatSurface] = {}
-    for owner, prefix in _walk(model):
+    for owner, prefix in model.walk():
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
             heat = store(*node.table) if node.table else None
@@ -184,7 +185,7 @@ def flatten(model: Model) -> Flat:
             loads.append(_load(owner, prefix, name, load, names))
     made_in = tuple(
         (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
-        for owner, prefix in _walk(model)
+        for owner, prefix in model.walk()
         for gas, state in owner.made_in.items()
     )
     flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in)
@@ -192,10 +193,10 @@ def flatten(model: Model) -> Flat:
     return flat
 
 
-def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
+def _takes(model: Tree, names: Names) -> dict[str, list[Take]]:
     """Return surface path -> what each joint or conductor takes from it."""
     out: dict[str, list[Take]] = {}
-    for owner, prefix in _walk(model):
+    for owner, prefix in model.walk():
         for name, joint in owner.joints.items():
             for end in joint.between:
                 path, _, _ = names.surface(owner, prefix, end, f"joints.{name}")
@@ -209,11 +210,11 @@ def _takes(model: Model, names: Names) -> dict[str, list[Take]]:
     return out
 
 
-def _enclosures(model: Model, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, str], list[FlatConductor]]:
+def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, str], list[FlatConductor]]:
     """Return surface -> the enclosure that it is a face of, and the radiation between the faces of every enclosure."""
     enclosed: dict[str, str] = {}
     out = []
-    for owner, prefix in _walk(model):
+    for owner, prefix in model.walk():
         for name, enclosure in owner.enclosures.items():
             key = f"enclosures.{name}"
             faces = []
@@ -232,7 +233,7 @@ def _enclosures(model: Model, names: Names, takes: Mapping[str, list[Take]]) -> 
 
 
 def _surface(
-    owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool
+    owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool
 ) -> list[FlatConductor]:
     """Return the conductors that a surface stands for: what convects, and what radiates when that is apart and no enclosure has it."""
     key = f"surfaces.{name}"
@@ -261,7 +262,7 @@ def _surface(
     return out
 
 
-def _face(owner: Model, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool) -> FlatSurface:
+def _face(owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool) -> FlatSurface:
     """Return a surface as radiation from outside meets it."""
     key = f"surfaces.{name}"
     fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
@@ -278,7 +279,7 @@ def _left(fields: Mapping[str, Any]) -> Law:
     return replace(law, medium="left")
 
 
-def _joint(owner: Model, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:
+def _joint(owner: Tree, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:
     """Return the conductors that a joint stands for: two half-contacts and, with a gap, its loss to the air."""
     key, path = f"joints.{name}", prefix + name
     out = []
@@ -314,7 +315,7 @@ def _losses(made: FlatConductor) -> list[FlatConductor]:
     ]
 
 
-def _load(owner: Model, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
+def _load(owner: Tree, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
     key = f"loads.{name}"
     node = names.end(owner, prefix, load.into, key)
     sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
@@ -354,3 +355,186 @@ def _require(parameters: ParameterSet, path: str, slot: str) -> None:
         raise error.located(entry.where) from None
     if literal is not None and slot == "m^2" and literal.value < 0:
         raise DeckError("an area cannot be negative.", entry.where)
+
+
+def gas_nodes(flat: Flat) -> frozenset[str]:
+    """Return the inner nodes that are gas: declared as air, or convected to without being a solid.
+
+    Surfaces, gaps of joints and leads name the gas that takes their convection. A node that has a surface of its own is a solid. A boundary
+    is none of these: it is the air of a large room and its walls alike.
+    """
+    around = surrounding(flat)
+    return frozenset(n.path for n in flat.nodes if n.stands_for == "air" or (n.path in around and n.stands_for not in WALLS))
+
+
+def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return gas node -> what radiates to it with an emissivity above zero: surfaces, leads, conductors, enclosures by their rest.
+
+    Parameters
+    ----------
+    values : dict   Parameter path -> value. [SI]
+    """
+    gases = gas_nodes(flat)
+    out: dict[str, dict[str, None]] = {}
+    if not gases:
+        return {}
+    faces = {path: (face.sees, face.fields.get("emissivity", "")) for path, face in flat.faces.items()}
+    leads = {_lead(c.path): (c.gas, c.fields["emissivity"]) for c in flat.conductors if c.kind == "lead" and "emissivity" in c.fields}
+    for path, (node, emissivity) in (faces | leads).items():
+        if node in gases and emissivity and values[emissivity] != 0.0:
+            out.setdefault(node, {})[path] = None
+    for c in flat.conductors:
+        path = c.path.removesuffix(".radiation")
+        if c.kind == "radiation" and path not in flat.faces:
+            factor = next((values[c.fields[f]] for f in ("emissivity", "exchange_factor") if f in c.fields), 1.0)
+            enclosure = path.rpartition(".")[0].rpartition(".")[0] if c.recipe is not None else path
+            for node in gases & set(c.ends) if factor != 0.0 else ():
+                out.setdefault(node, {})[enclosure] = None
+    return {node: list(paths) for node, paths in out.items()}
+
+
+def radiates_into(gas: str, radiating: list[str]) -> str:
+    """Return what is said of what radiates into a gas."""
+    radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
+    return (
+        f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas takes no radiation from a wall. Name the wall that {sees}, "
+        "sees = ...; make an enclosure; bind a part's need apart, "
+        f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, '
+        'stands_for = "air and walls" (a solid: stands_for = "walls").'
+    )
+
+
+def bare(flat: Flat) -> dict[str, str]:
+    """Return surface or lead -> its gas, of those with a convection and without a word on radiation."""
+    faces = {path: face.to for path, face in flat.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
+    leads = {_lead(c.path): c.gas for c in flat.conductors if c.kind == "lead" and "htc" in c.fields and "emissivity" not in c.fields}
+    return faces | leads
+
+
+def _lead(path: str) -> str:
+    """Return the lead of one of its losses."""
+    return path.removesuffix(".first").removesuffix(".second")
+
+
+def still(flat: Flat) -> dict[str, str]:
+    """Return surface -> its gas, of those with an emissivity, in no enclosure, and without a word on convection."""
+
+    def silent(face: FlatSurface) -> bool:
+        return not face.exchange and bool(face.sees) and "emissivity" in face.fields
+
+    return {path: face.to for path, face in flat.faces.items() if silent(face)}
+
+
+def surrounding(flat: Flat) -> frozenset[str]:
+    """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
+    return frozenset(_convected(flat)) - {face.node for face in flat.faces.values()}
+
+
+def _convected(flat: Flat) -> set[str]:
+    found = {face.to for face in flat.faces.values() if face.exchange}
+    found |= {c.gas for c in flat.conductors if c.path.endswith(".gap") and c.kind == "convection"}
+    return found | {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
+
+
+def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:
+    """Return the streams between two nodes."""
+    return tuple(c for c in conductors if c.kind == "flow" and c.ends[0] != c.ends[1])
+
+
+def fluid_of(c: FlatConductor) -> str:
+    """Return the fluid of a stream: a gas, liquid, or empty where it names none."""
+    return c.words.get("fluid", "")
+
+
+def by_volume(c: FlatConductor) -> bool:
+    """Return whether a stream is written as a flow of volume."""
+    return "volume_flow" in c.fields
+
+
+def flow_of(c: FlatConductor, values: Mapping[str, Any]) -> Any:
+    """Return the flow of a stream as it is written: of mass [kg/s], or of volume [m^3/s] where its density follows from the gas."""
+    flow = value_of(values[c.fields["volume_flow" if by_volume(c) else "mass_flow"]])
+    return flow * value_of(values[c.fields["density"]]) if "density" in c.fields else flow
+
+
+def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield place and sentence of each node that does not pass on what enters it, where a stream names its fluid or the node is gas.
+
+    What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and takes.
+
+    Parameters
+    ----------
+    values : dict   Parameter path -> value. [SI]
+    """
+    inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
+    joined: dict[str, list[FlatConductor]] = {}
+    for c in streams_of(flat.conductors):
+        for end in c.ends:
+            joined.setdefault(end, []).append(c)
+    for node in joined:
+        for fluid, several in _by_fluid(joined[node]).items() if node in inner else ():
+            into = [c for c in several if c.ends[1] == node]
+            out = [c for c in several if c.ends[0] == node]
+            if out and (fluid or (into and node in gases)):  # of one without fluid that none feeds, `unfed` speaks
+                yield from _met(node, several)
+                yield from _kept(node, into, out, values)
+
+
+def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the sums of a node."""
+    entering, leaving = (sum((flow_of(c, values) for c in part), start=0.0) for part in (into, out))
+    gap, most = entering - leaving, entering + leaving
+    if gap * gap > (BALANCED * most) * (BALANCED * most):
+        yield (
+            out[0].where,
+            f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
+            "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as "
+            "the ambient; one parameter for all streams of a line keeps it closed in fits and schedules.",
+        )
+
+
+def _by_fluid(streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:
+    """Return fluid -> streams of a node: all gas in one, with a stream that names no fluid beside it; a liquid apart."""
+    gas = any(fluid_of(c) in GASES for c in streams)
+    out: dict[str, list[FlatConductor]] = {}
+    for c in streams:
+        fluid = fluid_of(c)
+        out.setdefault("gas" if fluid in GASES or (gas and not fluid) else fluid, []).append(c)
+    return out
+
+
+def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str]]:
+    """Yield two gases in one node, and volumes of gas beside masses."""
+    gases = {fluid_of(c): c for c in streams if fluid_of(c)}
+    if len(gases) > 1:
+        (one, a), (two, b) = list(gases.items())[:2]
+        yield b.where, f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Gases that mix are one fluid here: name one."
+    kinds = {by_volume(c) and "density" not in c.fields: c for c in streams}
+    if len(kinds) > 1:
+        yield (
+            kinds[False].where,
+            f"in '{node}' the volume of '{kinds[True].path}' meets the mass of '{kinds[False].path}', whose balance closes at one pressure "
+            "and temperature at most. Write streams that meet all as volume_flow or all as mass_flow.",
+        )
+
+
+def unfed(flat: Flat) -> dict[str, str]:
+    """Return what is said of each stream that names no fluid and leaves a gas node that no stream enters, by its path."""
+    streams = streams_of(flat.conductors)
+    empty = gas_nodes(flat) - {c.ends[1] for c in streams}
+    return {
+        c.path: f"'{c.path}' takes no heat from '{c.ends[0]}', since no stream enters there: write its inlet, and the fluid of both"
+        for c in streams
+        if not fluid_of(c) and c.ends[0] in empty
+    }
+
+
+def _said(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
+    """Return a flow with the names of its streams, as volume where all are written so; of many members the first."""
+    if not streams:
+        return "nothing"
+    volume = all(by_volume(c) for c in streams)
+    size = sum((value_of(values[c.fields["volume_flow"]]) for c in streams), start=0.0) if volume else flow
+    plain = float(np.asarray(getattr(size, "values", size)).ravel()[0])
+    text = f"{6e4 * plain:.4g} l/min" if volume else f"{1e3 * plain:.4g} g/s"
+    return f"{text} ({', '.join(repr(c.path) for c in streams)})"

@@ -1,19 +1,26 @@
-"""Identities: which paths of a tree are one value, because one deck writes it, and what separates them."""
+"""What a model means: its dictionary and hash, which paths are one value because one deck writes it, and what separates them."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from thermid.arguments import takes_objects
-
-if TYPE_CHECKING:
-    from thermid.model.parts.parameter import Parameter
-    from thermid.model.tree.model import Layer, Model
+from thermid.errors import NameNotFoundError, nearest
+from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
+from thermid.model.laws.stores import TABULATED
+from thermid.model.parts.build import finish_emissivity, slope_unit
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node
+from thermid.model.parts.enclosures import enclosure_to
+from thermid.model.parts.facing import facing_to
+from thermid.model.parts.kinds import KINDS
+from thermid.model.parts.parameter import Parameter, parameter
+from thermid.model.parts.standing import UNJUDGED
+from thermid.model.tree.tree import Layer, M, Tree, parameter_table
+from thermid.units import unit
 
 APART = "set for this instance"
 """Why a value is not that of its twins."""
@@ -43,14 +50,21 @@ class Identity:
     why: str
 
 
-def definition_of(model: Model) -> str:
+def identity_of(model: Tree) -> str:
+    """Return a hash of what a model means: not of its file, comments, layout or the order of its tables."""
+    return _hash(to_dict(model))
+
+
+def definition_of(model: Tree) -> str:
     """Return the hash of a model's deck and the decks that it uses: nothing that was laid over them or cut."""
-    from thermid.model.tree.written import to_dict
-
-    return hashlib.sha256(json.dumps(to_dict(model, bare=True), sort_keys=True).encode()).hexdigest()[:16]
+    return _hash(to_dict(model, bare=True))
 
 
-def instances(model: Model, prefix: str = "") -> Iterator[tuple[str, str]]:
+def _hash(tables: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def instances(model: Tree, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield prefix and definition of every submodel, at every depth."""
     for name, part in model.submodels.items():
         yield f"{prefix}{name}.", part.definition
@@ -67,18 +81,8 @@ def depth(place: str) -> int:
     return place.count(".") + 1 if place else 0
 
 
-@takes_objects
-def identities(model: Model) -> Mapping[str, Identity]:
-    """Return path -> `Identity` of every value of a tree.
-
-    A value in the deck of a part is one value for all its instances. A row of a [set] belongs to the deck that has it; rows of one [set]
-    with equal number, dimension and bounds, on one field of instances of one definition, are one value. A cut separates them.
-    """
-    return local_identities(model, definition_of(model))
-
-
-def local_identities(model: Model, owner: str = "") -> Mapping[str, Identity]:
-    """Return the same with a name for the uppermost deck in place of its hash, which takes a while to find."""
+def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
+    """Return path -> `Identity` of every value, with a name for the uppermost deck in place of its hash, which takes a while to find."""
     rows = _rows(model, owner)
     classes = _classes(rows)
     states = Counter(key[:2] for key in classes)
@@ -96,12 +100,49 @@ def local_identities(model: Model, owner: str = "") -> Mapping[str, Identity]:
     return {path: out[path] for path in rows}
 
 
-def laid_ties(model: Model, layer: Mapping[str, Parameter], groups: Sequence[Sequence[str]]) -> tuple[list[str], Ties]:
+def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
+    """Return a model with values laid over it; see `Model.with_values`."""
+    known = parameter_table(model)
+    layer: dict[str, Parameter] = {}
+    shared: dict[int, list[str]] = {}
+    for raw, value in values.items():
+        path = model.canonical(raw)
+        if path not in known:
+            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, known)}", model.title)
+        new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
+        old = known[path].parameter
+        bounds = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(new, k) is None}
+        standing = getattr(value, "standing", None) or UNJUDGED
+        layer[path] = replace(new, **bounds, note=new.note or old.note, standing=standing)
+        if hasattr(value, "as_parameter"):
+            shared.setdefault(id(value), []).append(path)
+    if not layer:
+        return model
+    cuts, ties = _laid_ties(model, layer, list(shared.values()))
+    apart = cut(model, cuts)
+    return replace(apart, layers=(*apart.layers, Layer(origin, layer, ties)))
+
+
+def cut(model: M, places: Sequence[str]) -> M:
+    """Return a model in which some instances or values share with no other; see `Model.cut`."""
+    if not places:
+        return model
+    known = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *parameter_table(model)}
+    cuts, layers = dict.fromkeys(model.cuts), model.layers
+    for raw in places:
+        place = model.canonical(raw)
+        if place not in known:
+            raise NameNotFoundError(f"no submodel or parameter '{raw}' to be cut.{nearest(place, known)}", model.title)
+        cuts[place], layers = None, _cut_layers(layers, place)
+    return replace(model, cuts=tuple(cuts), layers=layers)
+
+
+def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Sequence[str]]) -> tuple[list[str], Ties]:
     """Return what a layer of values cuts, and which of its paths it lays as one value.
 
     Parameters
     ----------
-    model : Model       What it is laid over.
+    model : Tree       What it is laid over.
     layer : dict        Path -> value.
     groups : sequence   Paths of the layer that one fitted value stands for.
     """
@@ -121,7 +162,7 @@ def laid_ties(model: Model, layer: Mapping[str, Parameter], groups: Sequence[Seq
     return cuts, tuple(ties)
 
 
-def cut_layers(layers: Iterable[Layer], place: str) -> tuple[Layer, ...]:
+def _cut_layers(layers: Iterable[Layer], place: str) -> tuple[Layer, ...]:
     """Return layers in which no group reaches from inside a place to outside of it."""
     out = []
     for layer in layers:
@@ -157,7 +198,7 @@ class _Row:
         return self.owner, self.local, self.laid
 
 
-def _rows(model: Model, owner: str) -> dict[str, _Row]:
+def _rows(model: Tree, owner: str) -> dict[str, _Row]:
     """Return path -> row of a tree; each deck above may set, cut or tie what stands below."""
     file = model.file or model.title
     rows = {name: _Row(owner, name, given, file) for name, _, given in model.own_parameters()}
@@ -176,7 +217,7 @@ def _rows(model: Model, owner: str) -> dict[str, _Row]:
     return rows
 
 
-def _set(rows: dict[str, _Row], model: Model, owner: str, file: str) -> None:
+def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
     """Give the rows of a [set] to the deck that has it, equal ones under one name."""
     if not model.settings:
         return
@@ -235,8 +276,166 @@ def _why(row: _Row, count: int, twin: bool) -> str:
     return f"equal rows in [set] of {row.file}" if row.way == "rows" else f"{count} instances of {row.file}"
 
 
-def cuts_of(model: Model, prefix: str = "") -> Iterator[str]:
+def cuts_of(model: Tree, prefix: str = "") -> Iterator[str]:
     """Yield every place of a tree that a deck or a caller cut from its twins."""
     yield from (prefix + place for place in model.cuts)
     for name, part in model.submodels.items():
         yield from cuts_of(part.model, f"{prefix}{name}.")
+
+
+def written(given: Parameter) -> Any:
+    """Return what a deck writes for a parameter: a text, or a table where more is known."""
+    table: dict[str, Any] = {"value": _plain(given.text)}
+    of = given.expression.literal.unit if given.expression.literal else unit("1")
+    for key, bound in (("min", given.minimum), ("max", given.maximum)):
+        if bound is not None:
+            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
+    table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
+    return table if len(table) > 1 else table["value"]
+
+
+def _plain(text: str) -> str | float:
+    """Return the number that a text without a unit is, or the text."""
+    try:
+        return float(text) if repr(float(text)) == text else text
+    except ValueError:
+        return text
+
+
+def _in_unit(value: float, factor: float, offset: float) -> float:
+    """Return an SI value in a unit, as the shortest number that converts back to the same float."""
+    plain = (value - offset) / factor
+    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
+
+
+def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
+    """Return fields as a deck writes them, ``group.field`` as a table."""
+    out: dict[str, Any] = {}
+    for name, given in fields.items():
+        group, _, inner = name.partition(".")
+        if inner:
+            out.setdefault(group, {})[inner] = written(given)
+        else:
+            out[name] = written(given)
+    return out
+
+
+def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
+    """Return fields with what is no number beside them."""
+    for name, word in words.items():
+        group, _, inner = name.partition(".")
+        if inner:
+            fields.setdefault(group, {})[inner] = word
+        else:
+            fields[name] = word
+    return fields
+
+
+def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
+    return {} if shape is None else {"table": {"over": shape.over} | _points_to(shape, slot)}
+
+
+def _law_to(c: Conductor) -> dict[str, Any]:
+    """Return the table of a conductor: of conductance, or of a property."""
+    name = KINDS[c.kind].tabulated
+    return {name: _points_to(c.curve, TABULATED[name])} if c.curve is not None and name else _curve_to(c.curve, "W/K")
+
+
+def _heat_to(node: Node) -> dict[str, Any]:
+    """Return the property over temperature by which a node stores heat."""
+    return {node.table[0]: _points_to(node.table[1], TABULATED[node.table[0]])} if node.table else {}
+
+
+def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
+    """Return the points of a table as texts, with what is known of its source."""
+    columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, slope_unit(slot))] if shape.d is not None else [])
+    texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
+    known = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
+    if shape.interpolation != INTERPOLATIONS[0]:
+        known["interpolation"] = shape.interpolation
+    if shape.outside != OUTSIDE[0]:
+        known["outside"] = shape.outside
+    return {"points": [list(point) for point in zip(*texts, strict=True)], **known}
+
+
+def made_to(state: MadeIn) -> dict[str, str]:
+    """Return the table of the state of a gas in which a reduced model was made."""
+    numbers = {"pressure": f"{state.pressure!r} [Pa]", "gravity": f"{state.gravity!r} [m/s^2]", "wind": f"{state.wind!r} [m/s]"}
+    return numbers | {"gas": state.gas}
+
+
+def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
+    """Return the element tables of a deck."""
+    flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
+    nodes = {
+        n: _grouped(e.fields)
+        | _heat_to(e)
+        | ({"stands_for": e.stands_for} if e.stands_for else {})
+        | ({"reference_point": True} if e.reference_point else {})
+        | flag(e)
+        for n, e in model.nodes.items()
+    }
+    surfaces = {
+        n: {"of": e.of, "to": e.to}
+        | _named(
+            _grouped({f: p for f, p in e.fields.items() if f != "emissivity" or not e.finish or p != finish_emissivity(e.finish, "")}),
+            e.words,
+        )
+        | ({"finish": e.finish} if e.finish else {})
+        | ({"facing": facing_to(e.facing)} if e.facing else {})
+        | ({"sees": e.sees} if e.sees else {})
+        | flag(e)
+        for n, e in model.surfaces.items()
+    }
+    conductors = {
+        n: {"kind": e.kind, "between": list(e.between)}
+        | _named(_grouped(e.fields), e.words)
+        | _law_to(e)
+        | ({"takes": list(e.takes)} if e.takes else {})
+        | flag(e)
+        for n, e in model.conductors.items()
+    }
+    joints = {}
+    for n, joint in model.joints.items():
+        table = {"between": list(joint.between)} | _grouped(joint.fields) | ({"mid": joint.mid} if joint.mid else {}) | flag(joint)
+        if joint.gap_to:
+            table["gap"]["to"] = joint.gap_to
+        joints[n] = table
+    enclosures = {n: enclosure_to(e) | flag(e) for n, e in model.enclosures.items()}
+    loads = {}
+    for n, load in model.loads.items():
+        table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
+        for control in CONTROLS:
+            if control in table and load.sensor:
+                table[control]["sensor"] = load.sensor
+        loads[n] = table
+    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}
+
+
+def to_dict(model: Tree, bare: bool = False) -> dict[str, Any]:
+    """Return the dictionary that describes a model; submodels stand as dictionaries under `use`.
+
+    Parameters
+    ----------
+    bare : bool     Leave out what was laid over the decks or cut.
+    """
+    out: dict[str, Any] = {"title": model.title, "box": model.box}
+    for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
+        if value:
+            out[key] = value
+    out["parameters"] = {n: written(p) for n, p in model.parameters.items()}
+    out |= elements_to(model)
+    out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": s.bound()} for n, s in model.submodels.items()}
+    out["set"] = {n: written(p) for n, p in model.settings.items()}
+    if not bare:
+        out["layers"] = [_layer_to(layer) for layer in model.layers]
+        out["cuts"] = list(model.cuts)
+    out["aliases"] = dict(model.aliases)
+    out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
+    return {k: v for k, v in out.items() if v not in ({}, [])}
+
+
+def _layer_to(layer: Layer) -> dict[str, Any]:
+    """Return a layer as a dictionary, with the groups of paths that it lays as one value."""
+    out = {"origin": layer.origin, "values": {n: written(p) for n, p in layer.values.items()}}
+    return {**out, "ties": [list(group) for group in layer.ties]} if layer.ties else out

@@ -1,21 +1,16 @@
-"""A part is replaced: what belonged to the old one goes, what belongs to the place starts anew, and both are listed."""
+"""Replacing a part: what belonged to the old one goes, what belongs to the place starts anew; and what a part touches."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
-from thermid.model.tree.identity import definition_of, inside, local_identities
-from thermid.model.tree.names import used_offers
-from thermid.model.tree.resolve import Entry, ParameterSet, parameter_table
-from thermid.model.tree.touching import touching
+from thermid.model.parts.elements import Conductor, HeatLoad, Joint, Surface
+from thermid.model.parts.parameter import Parameter
+from thermid.model.tree.identity import cut, definition_of, inside, lay_values, local_identities
+from thermid.model.tree.tree import Element, Entry, Layer, M, ParameterSet, Submodel, Tree, parameter_table, used_offers
 from thermid.units import unit
-
-if TYPE_CHECKING:
-    from thermid.model.parts.parameter import Parameter
-    from thermid.model.tree.model import Layer, Model
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
@@ -92,12 +87,12 @@ class Replacement:
     assumes: tuple[str, ...] = ()
     untied: tuple[str, ...] = ()
 
-    def starting(self, model: Model) -> Model:
+    def starting(self, model: M) -> M:
         """Return the model with every value of the place at its start, those of joints apart from their twins."""
-        return model.with_values({s.path: s.text for s in self.starts}, f"start after {self.new} replaced {self.old}")
+        return lay_values(model, {s.path: s.text for s in self.starts}, f"start after {self.new} replaced {self.old}")
 
 
-def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
+def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, Replacement]:
     """Return a model with another part at a path, and what became of the values there; see `Model.replaced`."""
     path = model.canonical(raw)
     old = model.submodel(path)
@@ -110,7 +105,7 @@ def replaced(model: Model, raw: str, new: Model, keep: Sequence[str] = ()) -> tu
     now = parameter_table(after)
     lost = [k for k in keep if (p := model.canonical(k)) in now and now[p].origin != before[p].origin]  # laid over the old part itself
     for k in lost:
-        after = after.with_values({k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
+        after = lay_values(after, {k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
     now = parameter_table(after)
     own = {f"{path}.{p}": e for p, e in parameter_table(_bare(old)).items()}
     laid = {p: e for p, e in before.items() if inside(p, path) and _differs(e, own.get(p))}
@@ -138,26 +133,18 @@ def short_text(text: str) -> str:
         return text
 
 
-def coefficients(model: Model, values: ParameterSet, part: str) -> set[str]:
+def coefficients(model: Tree, values: ParameterSet, part: str) -> set[str]:
     """Return the numbers inside a part that set a coefficient of heat transfer of its surfaces."""
-    found = set()
-    for prefix, owner in _tree(model.submodel(part), f"{part}."):
-        for name in owner.surfaces:
-            for field in COEFFICIENTS:
-                if f"{prefix}{name}.{field}" in values.table:
-                    found.add(values.literal_behind(f"{prefix}{name}.{field}"))
+    found: set[str] = set()
+    for owner, prefix in model.submodel(part).walk(f"{part}."):
+        paths = [f"{prefix}{name}.{coefficient}" for name in owner.surfaces for coefficient in COEFFICIENTS]
+        found |= {values.literal_behind(path) for path in paths if path in values.table}
     return found
 
 
-def _tree(model: Model, prefix: str) -> Iterator[tuple[str, Model]]:
-    yield prefix, model
-    for name, part in model.submodels.items():
-        yield from _tree(part.model, f"{prefix}{name}.")
-
-
-def _bare(model: Model) -> Model:
+def _bare(model: Tree) -> Tree:
     """Return a model as its decks are, nothing laid over it."""
-    return replace(model, layers=(), submodels={n: replace(s, model=_bare(s.model)) for n, s in model.submodels.items()})
+    return replace(model, layers=(), submodels={n: s.with_model(_bare(s.model)) for n, s in model.submodels.items()})
 
 
 def _differs(now: Entry, deck: Entry | None) -> bool:
@@ -165,23 +152,23 @@ def _differs(now: Entry, deck: Entry | None) -> bool:
     return deck is None or (now.parameter.text, now.origin) != (deck.parameter.text, deck.origin)
 
 
-def _above(entry: Entry, old: Model) -> bool:
+def _above(entry: Entry, old: Tree) -> bool:
     """Return whether a value was given where the part is installed, and not by a test of the part alone."""
     own = {layer.origin for layer in old.layers}
     return entry.origin not in own or any(origin.startswith("[set]") for origin, _ in entry.shadowed)
 
 
-def _at(model: Model, path: str, new: Model, full: str, keep: frozenset[str], known: Mapping[str, Entry]) -> Model:
+def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], known: Mapping[str, Entry]) -> M:
     """Return a model with the new part, and without rows on paths of the old one, here and at every level below."""
     head, _, rest = path.partition(".")
     old = model.submodels[head]
     if rest:
         deeper = frozenset(k.partition(".")[2] for k in keep if k.partition(".")[0] == head)
-        part = replace(old, model=_at(old.model, rest, new, full, deeper, known))
+        part = old.with_model(_at(old.model, rest, new, full, deeper, known))
     else:
         bind = _ports(model, head, new, full)
         sees = {need: node for need, node in old.sees.items() if need in bind}
-        part = replace(old, model=new, bind=bind, definition=old.definition if new == old.model else definition_of(new), sees=sees)
+        part = Submodel(new, bind, old.definition if new == old.model else definition_of(new), sees)
     _check_read(model, path, known, full)
 
     def stays(raw: str, given: Parameter) -> bool:
@@ -204,7 +191,7 @@ def _less(layer: Layer, stays: Callable[[str, Parameter], bool]) -> Layer:
     return replace(layer, values=values, ties=tuple(t for t in ties if len(t) > 1))
 
 
-def _ports(model: Model, head: str, new: Model, path: str) -> dict[str, str]:
+def _ports(model: Tree, head: str, new: Tree, path: str) -> dict[str, str]:
     """Return what the needs of the new part are bound to.
 
     Raises
@@ -223,7 +210,7 @@ def _ports(model: Model, head: str, new: Model, path: str) -> dict[str, str]:
     return {need: node for need, node in old.bind.items() if need in new.needs}
 
 
-def _check_read(model: Model, path: str, known: Mapping[str, Entry], full: str) -> None:
+def _check_read(model: Tree, path: str, known: Mapping[str, Entry], full: str) -> None:
     """Refuse a part that lacks a value which a deck above reads.
 
     Raises
@@ -242,7 +229,7 @@ def _check_read(model: Model, path: str, known: Mapping[str, Entry], full: str) 
                 )
 
 
-def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[Start]:
+def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[Start]:
     """Yield what the joints at the part start from: a number of their own, where other joints shared it."""
     beside = touching(model, path)
     known = ParameterSet(after)
@@ -250,22 +237,20 @@ def _joints(model: Model, after: Model, path: str, values: ParameterSet, keep: f
     numbers = values.evaluate({})
     done = set(keep)
     for element, fields in beside.elements.items():
-        for field in fields:
-            kind = field.removeprefix(f"{element}.")
-            if kind not in INTERFACE or field not in known.table or inside(field, path):
+        for row in fields:
+            kind = row.removeprefix(f"{element}.")
+            if kind not in INTERFACE or row not in known.table or inside(row, path):
                 continue
-            root = _own_root(values, field, beside.shared)
-            at = root or field
-            if at in done or field in done:
+            root = _own_root(values, row, beside.shared)
+            at = root or row
+            if at in done or row in done:
                 continue
             done.add(at)
             also = (
-                _sharing(values, beside.shared, field, kind)
-                if not root
-                else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+                _sharing(values, beside.shared, row, kind) if not root else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
             )
             literal = values.table[at].parameter.expression.literal
-            text = values.table[at].parameter.text if literal is not None else f"{float(numbers[field]):.9g} [{INTERFACE[kind]}]"
+            text = values.table[at].parameter.text if literal is not None else f"{float(numbers[row]):.9g} [{INTERFACE[kind]}]"
             yield Start(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
 
 
@@ -287,12 +272,88 @@ def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: 
     return {shared[q] for p in _roots(values, field) for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
 
 
-def _with_twins(model: Model, path: str) -> list[str]:
+def _with_twins(model: Tree, path: str) -> list[str]:
     """Return the values inside a part that it shares with something outside."""
     known = local_identities(model)
     return [p for p, one in known.items() if inside(p, path) and any(not inside(q, path) for q in one.paths)]
 
 
-def _apart(model: Model, path: str, gone: Sequence[str]) -> Model:
+def _apart(model: M, path: str, gone: Sequence[str]) -> M:
     """Return a model in which no twin shares what the old part had of it: the twin keeps its value, the new part has its deck's."""
-    return model.cut(*(p for p in _with_twins(model, path) if p in gone))
+    return cut(model, [p for p in _with_twins(model, path) if p in gone])
+
+
+@dataclass
+class Touching:
+    """What a part touches.
+
+    Parameters
+    ----------
+    elements : dict         Element -> fields of the elements that attach to the part.
+    settings : set          Paths inside the part that a model above sets.
+    shared : dict           Field -> element, of all elements elsewhere that do not attach to it.
+    neighbours : set        Other ends of what attaches to it.
+    """
+
+    elements: dict[str, list[str]] = field(default_factory=dict)
+    settings: set[str] = field(default_factory=set)
+    shared: dict[str, str] = field(default_factory=dict)
+    neighbours: set[str] = field(default_factory=set)
+
+    def why(self, values: ParameterSet, path: str) -> tuple[list[str], list[str]]:
+        """Return through what a value acts on the part: elements or settings; and the elements elsewhere that it acts on too."""
+        acts = set(values.downstream([path]))
+        touched = [name for name, fields in self.elements.items() if acts & set(fields)]
+        touched += sorted(p for p in self.settings if p in acts)
+        return touched, sorted({self.shared[p] for p in acts if p in self.shared})
+
+
+def touching(model: Tree, part: str) -> Touching:
+    """Return what the submodel at a path touches in a model, at every level between them."""
+    out = Touching()
+    _visit(model, "", part, part, out)
+    out.neighbours = {n for n in out.neighbours if not inside(n, part)}
+    return out
+
+
+def _visit(model: Tree, prefix: str, rest: str, part: str, out: Touching) -> None:
+    """Collect from a model that holds the part below its submodel ``rest``."""
+    fields: dict[str, list[str]] = {}
+    for name, key, _ in model.own_parameters():
+        if not key.startswith("parameters."):
+            fields.setdefault(name.partition(".")[0], []).append(prefix + name)
+    for _, name, element in model.elements():
+        ends = {prefix + model.canonical(e) for e in _ends(element)}
+        if any(inside(e, part) for e in ends):
+            out.elements[prefix + name] = fields.get(name, [])
+            out.neighbours |= ends
+        else:
+            out.shared |= dict.fromkeys(fields.get(name, []), prefix + name)
+    out.settings |= {p for p in (prefix + model.canonical(raw) for raw in model.settings) if inside(p, part)}
+    head, _, deeper = rest.partition(".")
+    for name, inner in model.submodels.items():
+        if name != head:
+            _elsewhere(inner.model, f"{prefix}{name}.", out)
+    if deeper:
+        _visit(model.submodels[head].model, f"{prefix}{head}.", deeper, part, out)
+
+
+def _elsewhere(model: Tree, prefix: str, out: Touching) -> None:
+    for name, key, _ in model.own_parameters():
+        if not key.startswith("parameters."):
+            out.shared[prefix + name] = prefix + name.partition(".")[0]
+    for name, inner in model.submodels.items():
+        _elsewhere(inner.model, f"{prefix}{name}.", out)
+
+
+def _ends(element: Element) -> Iterable[str]:
+    """Return the nodes and surfaces that heat passes to through an element; areas that it only takes are no path."""
+    if isinstance(element, Joint):
+        return element.between
+    if isinstance(element, Conductor):
+        return element.between
+    if isinstance(element, Surface):
+        return [e for e in (element.of, element.sees) if e]
+    if isinstance(element, HeatLoad):
+        return [element.into]
+    return ()

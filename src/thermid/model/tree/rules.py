@@ -15,11 +15,9 @@ from thermid.dual import value_of
 from thermid.errors import ThermidError, quoted
 from thermid.model.laws.curves import evaluate
 from thermid.model.parts.takes import exposed_area
-from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, bare, flatten, into_gas, radiates_into, still, unclosed, unfed
 from thermid.model.tree.identity import APART, cuts_of, local_identities
-from thermid.model.tree.model import Model
-from thermid.model.tree.streams import unclosed, unfed
-from thermid.model.tree.surroundings import bare, into_gas, radiates_into, still
+from thermid.model.tree.tree import Tree
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
@@ -53,14 +51,14 @@ class _View:
 
     Parameters
     ----------
-    model : Model           The tree.
+    model : Tree           The tree.
     flat : Flat             The tree laid flat.
     values : dict           Path -> value. [SI]
     conductances : dict     Conductor -> the leading coefficient of its law, zero for no heat; without those that have no law.
     refused : tuple         What their laws say of the others.
     """
 
-    model: Model
+    model: Tree
     flat: Flat
     values: Mapping[str, Any]
     conductances: Mapping[str, float]
@@ -106,7 +104,7 @@ class _View:
         return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
 
 
-def _view(model: Model) -> _View:
+def _view(model: Tree) -> _View:
     flat = flatten(model)
     values = flat.parameters.evaluate({})
     conductances: dict[str, float] = {}
@@ -234,7 +232,7 @@ def _unused(view: _View) -> Iterator[Finding]:
     table = view.flat.parameters.table
     needs = {path: {entry.scope + name for name in entry.parameter.expression.names} for path, entry in table.items()}
     declared: dict[str, str] = {}
-    for owner, prefix in _walk(view.model):
+    for owner, prefix in view.model.walk():
         for name, _, given in owner.own_parameters():
             needs[prefix + name] |= {prefix + other for other in given.expression.names}
         declared |= {prefix + name: owner.where(f"parameters.{name}") for name in owner.parameters}
@@ -276,7 +274,7 @@ def _absorptances(view: _View) -> Iterator[Finding]:
 
 def _test_only(view: _View) -> Iterator[Finding]:
     """Elements of the bench, which a flight model leaves out, and what hangs on them without being marked."""
-    marked = [prefix + name for owner, prefix in _walk(view.model) for _, name, element in owner.elements() if element.test_only]
+    marked = [prefix + name for owner, prefix in view.model.walk() for _, name, element in owner.elements() if element.test_only]
     if marked:
         count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
         yield Finding("note", view.model.where(""), f"{count} for the test only: {quoted(marked)}. Flight models leave them out.")
@@ -359,7 +357,7 @@ RULES: Final[tuple[Rule, ...]] = (
 )
 
 
-def findings(model: Model) -> tuple[Finding, ...]:
+def findings(model: Tree) -> tuple[Finding, ...]:
     """Return what a careful reader would remark, errors first; one error alone when the tree cannot be laid flat."""
     try:
         view = _view(model)
@@ -367,12 +365,6 @@ def findings(model: Model) -> tuple[Finding, ...]:
         return (Finding("error", error.where or model.title, error.message),)
     found = dict.fromkeys(finding for rule in RULES for finding in rule(view))
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
-
-
-def _walk(model: Model, prefix: str = "") -> Iterator[tuple[Model, str]]:
-    yield model, prefix
-    for name, part in model.submodels.items():
-        yield from _walk(part.model, f"{prefix}{name}.")
 
 
 def _has(group: list[FlatNode]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.model.tree.flat import Flat, FlatConductor, FlatNode
-from thermid.model.tree.model import Model
+from thermid.model.tree.tree import Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,9 @@ class Folded:
     nodes: Mapping[str, tuple[str, ...]]
 
 
-def parts_of(model: Model, prefix: str = "") -> tuple[str, ...]:
+def parts_of(model: Tree) -> tuple[str, ...]:
     """Return the paths of all submodels, outer ones first."""
-    out: list[str] = []
-    for name, part in model.submodels.items():
-        out += [prefix + name, *parts_of(part.model, f"{prefix}{name}.")]
-    return tuple(out)
+    return tuple(prefix.removesuffix(".") for _, prefix in model.walk() if prefix)
 
 
 def fold(flat: Flat, paths: Sequence[str]) -> Folded:

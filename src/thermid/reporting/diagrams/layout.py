@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from thermid.model.tree.flat import Flat, FlatConductor
-from thermid.model.tree.model import Model
+from thermid.model.tree.tree import Tree
 
 PAD, HEADER, GAP, WIDE_GAP, MARGIN = 12.0, 26.0, 16.0, 40.0, 14.0
 PORT, LOAD_PORT, LOAD_WIDTH = 19.0, 34.0, 104.0
@@ -122,7 +122,7 @@ class Layout:
         return max(b.depth for b in self.root.boxes())
 
 
-def _tree(model: Model, prefix: str = "", depth: int = 0, folded: Sequence[str] = ()) -> Box:
+def _tree(model: Tree, prefix: str = "", depth: int = 0, folded: Sequence[str] = ()) -> Box:
     name = prefix.rstrip(".").rpartition(".")[2]
     title = f"{name} · {model.title}" if name and name != model.title else name or model.title
     own = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]

@@ -230,7 +230,7 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
     """Yield the campaign's model that a solution is of, if it is one of them."""
-    from thermid.model.tree.names import Names
+    from thermid.model.tree.tree import Names
 
     for c in reversed(list(campaign.stages.values())):
         if c.model.title == solution.title:

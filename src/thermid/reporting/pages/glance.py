@@ -12,7 +12,7 @@ from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import BLAME, Calibration
 from thermid.fit.uncertainty.moved import MOVED
 from thermid.knowledge.values import FittedValue
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
 from thermid.reporting.pages.tables import STRONG, at_bound

@@ -12,7 +12,7 @@ from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.measure import Record
 from thermid.model.tree.flat import flatten
-from thermid.model.tree.resolve import ParameterSet
+from thermid.model.tree.tree import ParameterSet
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
 from thermid.units import NAMES, Dimension, unit
 

@@ -15,7 +15,7 @@ from thermid.judge.verdict import Verdict
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
-from thermid.model.tree.resolve import ParameterSet, parameter_table
+from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.units import unit

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
+    from thermid.campaign.retune import RetunePlan
     from thermid.campaign.stages import Campaign
     from thermid.fit.calibration import Calibration
     from thermid.fit.problem.residuals import SensorStatistics
     from thermid.fit.uncertainty.moved import Moves
     from thermid.judge.verdict import Verdict
+    from thermid.physics.htc import HtcComparison
     from thermid.simulation.solution import Solution
 
 SCHEMA = 1
@@ -53,20 +55,15 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
             "steady_C": None if steady is None else steady[name] - ICE_POINT,
         }
     balance = solution.heat_balance()
-    out: dict[str, Any] = clean(
-        {
-            "schema": SCHEMA,
-            "status": "ok",
-            "title": solution.title,
-            "scenario": solution.scenario,
-            "nodes": nodes,
-            "time_constants_s": list(solution.time_constants),
-            "heat_balance": {k: getattr(balance, k) for k in ("loads", "boundaries", "stored", "residual", "relative")},
-            "steady_of": getattr(steady, "held", None),
-            "warnings": list(solution.warnings),
-        }
-    )
-    return out
+    return {
+        "title": solution.title,
+        "scenario": solution.scenario,
+        "nodes": nodes,
+        "time_constants_s": list(solution.time_constants),
+        "heat_balance": {k: getattr(balance, k) for k in ("loads", "boundaries", "stored", "residual", "relative")},
+        "steady_of": getattr(steady, "held", None),
+        "warnings": list(solution.warnings),
+    }
 
 
 def _sensor(s: SensorStatistics) -> dict[str, Any]:
@@ -155,17 +152,72 @@ def campaign_standing(campaign: Campaign) -> dict[str, Any]:
 
 def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
     """Return the object of ``thermid calibrate --json``."""
-    out: dict[str, Any] = clean(
-        {
-            "schema": SCHEMA,
-            "status": "ok",
-            "title": campaign.title,
-            "standing": campaign_standing(campaign),
-            "stages": [calibration_object(fit) for fit in campaign.stages.values()],
-            **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
-            "verdicts": [_verdict(v) for v in campaign.verdicts],
-            "passed": campaign.passed,
-            "values_files": values,
-        }
-    )
-    return out
+    return {
+        "title": campaign.title,
+        "standing": campaign_standing(campaign),
+        "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+        **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
+        "verdicts": [_verdict(v) for v in campaign.verdicts],
+        "passed": campaign.passed,
+        "values_files": values,
+    }
+
+
+def retune_object(plan: RetunePlan) -> dict[str, Any]:
+    """Return the plan of a replacement."""
+    return {
+        "part": plan.part,
+        "old": plan.old,
+        "new": plan.new,
+        "assumes": list(plan.assumes),
+        "dropped": [{"path": d.path, "text": d.text, "origin": d.origin, "why": d.why} for d in plan.replacement.dropped],
+        "kept": list(plan.replacement.kept),
+        "untied": list(plan.replacement.untied),
+        "starts": [
+            {"path": x.path, "text": x.text, "log_sd": x.log_sd, "origin": x.origin, "twins": list(x.twins)}
+            for x in plan.replacement.starts
+        ],
+        "freed": list(plan.freed),
+        "touched": [
+            {"stage": t.stage, "path": t.path, "through": list(t.through), "kelvin": t.kelvin, "held": t.held} for t in plan.touched
+        ],
+        "stages": [
+            {
+                "name": s.name,
+                "of": s.of,
+                "action": s.action,
+                "why": s.why,
+                "free": list(s.free),
+                "records": list(s.records),
+                "before": s.identity[0],
+                "after": s.identity[1],
+            }
+            for s in plan.stages
+        ],
+        "tests": list(plan.tests),
+        "kept_tests": list(plan.kept_tests),
+        "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
+        "watts": list(plan.watts),
+        "logged": plan.logged,
+        "before": dict(plan.before),
+        "as_logged": dict(plan.as_logged),
+        "after": dict(plan.after),
+    }
+
+
+def comparison_object(comparison: HtcComparison) -> dict[str, Any]:
+    """Return the object of ``thermid htc --json``."""
+    settling = comparison.settling
+    return {
+        "effective": comparison.effective,
+        "error": comparison.error,
+        "error_drift": comparison.error_drift,
+        "theoretical": comparison.theoretical,
+        "correlations": [{"name": c.name, "htc": c.htc, "rayleigh": c.rayleigh} for c in comparison.correlations],
+        "radiation": comparison.radiation,
+        "biot": {n: list(b) for n, b in comparison.biot.items()},
+        "settling": None
+        if settling is None
+        else {"from_mass_s": settling.from_mass, "from_data_s": list(settling.from_data), "differs": settling.differs},
+        "remarks": list(comparison.remarks),
+    }

@@ -1,0 +1,193 @@
+"""Commands that build and run a model: check, simulate, diagram, schema; and the coefficient of a settled test."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from thermid.campaign.schema import json_schema as campaign_schema
+from thermid.campaign.survey import check_campaign
+from thermid.cli.inputs import fitted_model, moments, scenario_of
+from thermid.cli.options import (
+    Accept,
+    AsPrinted,
+    Boundaries,
+    Data,
+    Deck,
+    Duration,
+    Force,
+    Json,
+    KeepValues,
+    Loads,
+    Moments,
+    Parameters,
+    ScenarioPath,
+    Vacuum,
+    ValuesPath,
+    leave,
+    pairs,
+    say,
+    with_unit,
+    writable,
+)
+from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, nearest
+from thermid.files import NETCDF, PICTURE, TABLE, write_text
+from thermid.fit.inputs import InputTable
+from thermid.knowledge.store import model_standing
+from thermid.model.deck.modelfile import load_model
+from thermid.model.deck.schema import json_schema as deck_schema
+from thermid.physics.htc import compare_htc
+from thermid.reporting.diagrams.diagram import diagram as drawn
+from thermid.reporting.pages.views import comparison_object, solution_object
+from thermid.simulation import transient
+from thermid.simulation.simulator import output_times
+from thermid.simulation.steady import steady
+from thermid.toml_files import read_toml
+
+
+def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
+    """Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."""
+    campaign = "stages" in read_toml(deck)[0]
+    inputs: dict[str, InputTable] = {}
+    if campaign:
+        findings, inputs = check_campaign(deck, data)
+    else:
+        findings = tuple(load_model(deck).check())
+    count = {s: sum(f.severity == s for f in findings) for s in ("error", "warning", "note")}
+    first = next((f for f in findings if f.severity == "error"), None)
+    lines = [f"{f.severity}: {f.where}: {f.message}" for f in findings]
+    lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
+    lines.append(f"{deck.name}: {count['error']} errors, {count['warning']} warnings, {count['note']} notes")
+    content = {
+        **({} if first is None else {"status": "error", "message": first.message, "where": first.where}),
+        "findings": [{"severity": f.severity, "where": f.where, "message": f.message} for f in findings],
+        **({"inputs": {stage: table.to_dict() for stage, table in inputs.items()}} if campaign else {}),
+    }
+    say(as_json, content, "\n".join(lines))
+    raise SystemExit(0 if first is None else 2)
+
+
+def simulate(
+    deck: Deck,
+    scenario: ScenarioPath = None,
+    boundary: Boundaries = [],  # noqa: B006
+    param: Parameters = [],  # noqa: B006
+    load: Loads = [],  # noqa: B006
+    start: Annotated[
+        str | None, typer.Option("--start", help="A temperature, a boundary, 'steady', 'steady, mean', 'steady, 2 [h]' or 'periodic'.")
+    ] = None,
+    duration: Duration = None,
+    at: Moments = [],  # noqa: B006
+    every: Annotated[str | None, typer.Option("--every", help="Interval of the stored samples.")] = None,
+    vacuum: Vacuum = False,
+    as_printed: AsPrinted = False,
+    as_flown: Annotated[bool, typer.Option("--as-flown", help="Without what is for the test only: sensors, leads, stands.")] = False,
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures to a CSV file.")] = None,
+    netcdf: Annotated[Path | None, typer.Option("--netcdf", help="Write everything to a netCDF file.")] = None,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Run a model in a scenario and print where its temperatures go."""
+    model = fitted_model(deck, values, keep_values, param)
+    model = model.without_test_only() if as_flown else model
+    standing = model_standing(model).accept(accept or ())
+    conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
+    times = moments(at, conditions.seconds)
+    grid = np.union1d(output_times(conditions, every and with_unit(every, "s"), None), times)
+    writable((csv, TABLE), (netcdf, NETCDF))
+    solution = transient.simulate(model, conditions, times=grid)
+    try:
+        final = steady(model, conditions, conditions.seconds)
+    except SolverError:
+        final = None
+    if csv is not None:
+        solution.to_csv(csv)
+    if netcdf is not None:
+        solution.to_netcdf(netcdf)
+    lines = [standing.over(str(solution))]
+    for t in times:
+        lines.append(f"  at {t:g} s: " + ", ".join(f"{n} {float(solution[n].at(t)):.3f}" for n in solution.nodes) + " degC")
+    lines.append("  time constants: " + ", ".join(f"{c:.6g} s" for c in solution.time_constants))
+    balance = solution.heat_balance()
+    lines.append(f"  heat: loads {balance.loads:.6g} J, to boundaries {balance.boundaries:.6g} J, stored {balance.stored:.6g} J")
+    say(as_json, solution_object(solution, final, times) | {"standing": standing.to_dict()}, "\n".join(lines))
+    leave(standing)
+
+
+def diagram(
+    deck: Deck,
+    to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
+    force: Force = False,
+    fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
+) -> None:
+    """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
+    if to.suffix.lower() != ".svg":
+        raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
+    write_text(to, drawn(load_model(deck), folded=fold) + "\n", PICTURE)
+    typer.echo(f"diagram: {to}")
+
+
+def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
+    """Print the JSON Schema of a file, for editors."""
+    schemas = {"deck": deck_schema, "campaign": campaign_schema}
+    if kind not in schemas:
+        raise DeckError(f"there is no schema '{kind}'.{nearest(kind, schemas)} There are deck and campaign.")
+    typer.echo(json.dumps(schemas[kind](), indent=2))
+
+
+def htc(
+    power: Annotated[str, typer.Option("--power", help="Heat through the surface, W.")],
+    area: Annotated[str, typer.Option("--area", help="Area of the surface, m^2.")],
+    surface: Annotated[str, typer.Option("--surface", help="Settled temperature of the surface, degC.")],
+    ambient: Annotated[str, typer.Option("--ambient", help="Temperature of the ambient, degC.")],
+    height: Annotated[str, typer.Option("--height", help="Height of the vertical faces, m.")],
+    box: Annotated[tuple[str, str] | None, typer.Option("--box", help="Length and width of a box of that height, m.")] = None,
+    air: Annotated[
+        tuple[float, float, float] | None, typer.Option("--air", help="Conductivity, kinematic viscosity and Prandtl number, SI.")
+    ] = None,
+    sensor: Annotated[str, typer.Option("--sensor", help="Standard error of each temperature, K.")] = "0.5",
+    drift: Annotated[str, typer.Option("--drift", help="Variation of the room, K.")] = "0",
+    emissivity: Annotated[float | None, typer.Option("--emissivity", help="Of the surface.")] = None,
+    part: Annotated[list[str], typer.Option("--part", help="NAME=LENGTH,CONDUCTIVITY for a Biot number, m and W/(m K).")] = [],  # noqa: B006
+    capacitance: Annotated[str | None, typer.Option("--capacitance", help="Mass times specific heat, J/K.")] = None,
+    settled_after: Annotated[str | None, typer.Option("--settled-after", help="When the test looked settled, s or '4 [h]'.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the coefficient that a settled test shows with the one of correlations, and say what their difference can mean."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ThermidWarning)  # they stand among the remarks
+        comparison = compare_htc(
+            with_unit(power, "W"),
+            with_unit(area, "m^2"),
+            with_unit(surface, "degC"),
+            with_unit(ambient, "degC"),
+            with_unit(height, "m"),
+            box=(with_unit(box[0], "m"), with_unit(box[1], "m")) if box else None,
+            air=air,
+            sensor=with_unit(sensor, "K"),
+            drift=with_unit(drift, "K"),
+            emissivity=emissivity,
+            parts=_parts(part),
+            capacitance=with_unit(capacitance, "J/K") if capacitance else None,
+            settled_after=with_unit(settled_after, "s") if settled_after else None,
+        )
+    say(as_json, comparison_object(comparison), comparison)
+
+
+def _parts(texts: list[str]) -> dict[str, tuple[str | float, str | float]]:
+    """Return ``NAME=LENGTH,CONDUCTIVITY`` options as a dictionary."""
+    out: dict[str, tuple[str | float, str | float]] = {}
+    for name, text in pairs(texts, "--part").items():
+        length, comma, conductivity = text.partition(",")
+        if not comma:
+            raise ThermidError(f"'{text}' must be LENGTH,CONDUCTIVITY, such as '20 [mm], 0.25'.", f"--part {name}")
+        out[name] = (with_unit(length.strip(), "m"), with_unit(conductivity.strip(), "W/(m K)"))
+    return out

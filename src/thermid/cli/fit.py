@@ -1,0 +1,172 @@
+"""Commands of a campaign: calibrate, report, identify, credibility, swap."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermid.campaign import credibility as origins
+from thermid.campaign.cache import file_name
+from thermid.campaign.file import read_campaign
+from thermid.campaign.retune import plan_retune
+from thermid.campaign.stages import Campaign, run_stages
+from thermid.campaign.survey import survey
+from thermid.cli.options import Accept, CampaignPath, Data, Force, Json, Page, Pdf, Results, leave, ready, say, writable, written
+from thermid.errors import ScenarioError
+from thermid.files import CREDIBILITY, VALUES, may_write
+from thermid.reporting.pages import campaign as page
+from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
+
+Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
+
+
+class FitProgress:
+    """A line on standard error once a fit takes over two seconds."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic()
+        self._shown = 0.0
+        self._last = ""
+
+    def __call__(self, stage: str, count: int, rms: float) -> None:
+        """Say how far a stage is."""
+        now = time.monotonic()
+        if now - self._begun < 2.0 or (now - self._shown < 0.5 and stage == self._last):
+            return
+        self._shown, fresh = now, stage != self._last
+        self._last = stage
+        text = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
+        if sys.stderr.isatty():
+            typer.echo(f"\r\x1b[2K{text}", nl=False, err=True)
+        elif fresh:
+            typer.echo(text, err=True)
+
+    def __enter__(self) -> FitProgress:
+        """Begin."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Leave the line."""
+        if self._last and sys.stderr.isatty():
+            typer.echo("\r\x1b[2K", nl=False, err=True)
+
+
+def _run(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
+    """Run a campaign with progress, taking finished stages from the results folder."""
+    folder = to if to is not None else path.parent / "results"
+    for stage in read_campaign(path).content.stages if folder.is_dir() else ():
+        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
+    with FitProgress() as progress:
+        campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())
+    return campaign, campaign.save(folder)
+
+
+def calibrate(
+    campaign: CampaignPath,
+    data: Data = None,
+    to: Kept = None,
+    fresh: Fresh = False,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell."""
+    result, files = _run(campaign, data, to, fresh, accept)
+    names = [f.name for f in files]
+    lines = [str(result)]
+    lines += [f"\n{stage}: inputs\n{fit.inputs.indented}" for stage, fit in result.stages.items() if fit.inputs.rows]
+    for stage, changed in result.changed.items():
+        if changed:
+            lines.append(f"\nfitted again: {stage}; changed since the results were kept: {', '.join(changed)}")
+    lines.append(f"\nvalues: {', '.join(names)}")
+    say(as_json, campaign_object(result, names), "\n".join(lines))
+    leave(result.standing, result.exit_code)
+
+
+def report(
+    campaign: CampaignPath,
+    to: Page = None,
+    pdf: Pdf = None,
+    data: Data = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
+    fresh: Fresh = False,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Run a campaign and write its report page, its PDF, or both."""
+    if to is None and pdf is None:
+        raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")
+    ready(to, pdf)
+    result, _ = _run(campaign, data, results, fresh, accept)
+    files = written(lambda path: page.report(result, to=path), to, pdf)
+    text = result.standing.over("\n".join(f"report: {path}" for path in files.values()), "stage")
+    say(as_json, {**files, "passed": result.passed, "standing": campaign_standing(result)}, text)
+    leave(result.standing, result.exit_code)
+
+
+def identify(
+    campaign: CampaignPath,
+    stage: Annotated[str, typer.Option("--stage", help="One stage; all of them without it.")] = "",
+    after: Annotated[bool, typer.Option("--after", help="Look at the ends of the fits, not at their starts.")] = False,
+    data: Data = None,
+    results: Results = None,
+    as_json: Json = False,
+) -> None:
+    """Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."""
+    with FitProgress() as progress:
+        stages = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
+    text = "\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in stages.values())
+    say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text)
+
+
+def credibility(
+    campaign: CampaignPath,
+    data: Data = None,
+    results: Results = None,
+    to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Say of every value its source, state, level, tests, date, range and origin."""
+    writable((to, CREDIBILITY))
+    record = origins.credibility(run_stages(campaign, data=data, cache=results or campaign.parent / "results"))
+    if to is not None:
+        record.save(to)
+    say(as_json, record.to_dict(), f"written: {to}" if to is not None else record)
+
+
+def swap(
+    campaign: CampaignPath,
+    part: Annotated[str, typer.Argument(help="Path of the part in the model of the last stage, such as pre.ele.")],
+    deck: Annotated[Path, typer.Argument(help="Deck of the part that replaces it.")],
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs before the swap; THERMID_DATA does the same.")] = None,
+    results: Results = None,
+    new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
+    part_only: Annotated[bool, typer.Option("--part-only", help="Fit the new part to its own tests alone, before the others.")] = False,
+    to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."""
+    folder = results if results is not None else campaign.parent / "results"
+    plan = plan_retune(run_stages(campaign, data=data, cache=folder, accept=accept or ()), part, deck)
+    content: dict[str, Any] = {"plan": retune_object(plan)}
+    texts, standing, code = [str(plan)], plan.standing, 0
+    if new_data is not None:
+        retuned = plan.run(new_data, part_only=part_only)
+        standing, code = retuned.standing, retuned.exit_code
+        run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
+        content["stages"] = [calibration_object(retuned[name]) for name in run]
+        texts += [str(retuned[name]) for name in run]
+        if to is not None:
+            content["values_files"] = [f.name for f in retuned.save(to)]
+            texts.append(f"values: {', '.join(content['values_files'])}")
+    say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts))
+    leave(standing, code)

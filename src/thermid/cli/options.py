@@ -1,0 +1,120 @@
+"""What commands share: options, pages, JSON, and exit codes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from thermid.errors import ScenarioError
+from thermid.files import PAGE, PAPER, command, may_write, scratch
+from thermid.reporting.blocks.pdf import browser, page_to_pdf
+from thermid.reporting.pages.views import SCHEMA, clean
+
+if TYPE_CHECKING:
+    from thermid.model.parts.standing import Standing
+
+Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
+CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of logs outside the project; THERMID_DATA does the same.")]
+Results = Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the campaign.")]
+ScenarioPath = Annotated[Path | None, typer.Option("--scenario", help="A scenario (TOML).")]
+Boundaries = Annotated[list[str], typer.Option("--boundary", help="BOUNDARY=TEMPERATURE, such as air='24 [degC]'.")]
+Parameters = Annotated[list[str], typer.Option("--param", help="PARAMETER=VALUE; wins over the deck.")]
+Loads = Annotated[list[str], typer.Option("--load", help="LOAD=POWER, in place of the deck's.")]
+Start = Annotated[str | None, typer.Option("--start", help="A temperature, a boundary, or 'steady'.")]
+Duration = Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")]
+Moments = Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")]
+Vacuum = Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")]
+AsPrinted = Annotated[bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")]
+ValuesPath = Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")]
+KeepValues = Annotated[
+    bool, typer.Option("--keep-values", help="Keep values whose decks say otherwise by now; without it they are left out and listed.")
+]
+Accept = Annotated[
+    list[str] | None,
+    typer.Option("--accept", help="A stage that is accepted as it is: its state stays, the exit code does not count it; may be repeated."),
+]
+
+
+def _force(context: typer.Context, wanted: bool) -> bool:
+    """Let this command replace any file that its options name."""
+    if wanted:
+        context.with_resource(command(force=True))
+    return wanted
+
+
+Force = Annotated[
+    bool, typer.Option("--force", callback=_force, help="Write also over an input, or over a file that thermid did not write.")
+]
+Page = Annotated[Path | None, typer.Option("--to", help="The page to write.")]
+Pdf = Annotated[Path | None, typer.Option("--pdf", help="The page as PDF, printed by an installed Chromium, Chrome or Edge.")]
+
+PRECEDENCE = (2, 3, 4, 1, 5, 0)
+"""Exit codes, the one that wins first."""
+
+
+def say(as_json: bool, content: Mapping[str, Any], text: object) -> None:
+    """Print an answer: one JSON object, or text."""
+    typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **content})) if as_json else str(text))
+
+
+def leave(standing: Standing, code: int = 0) -> NoReturn:
+    """End a command whose answer was given: with its own exit code, or that of the values which the answer rests on."""
+    raise SystemExit(min(code, standing.exit_code, key=PRECEDENCE.index))
+
+
+def pairs(texts: list[str], option: str) -> dict[str, str]:
+    """Return ``PATH=VALUE`` options as a dictionary."""
+    out = {}
+    for text in texts:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip() or not value.strip():
+            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option)
+        out[path.strip()] = value.strip()
+    return out
+
+
+def with_unit(value: str, unit: str) -> str:
+    """Return a value with a unit, the usual one where none is written."""
+    return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"
+
+
+def writable(*files: tuple[Path | None, Any]) -> None:
+    """Refuse files that may not be written before anything long begins."""
+    for path, kind in files:
+        if path is not None:
+            may_write(path, kind)
+
+
+def ready(to: Path | None, pdf: Path | None) -> None:
+    """Look for the browser, and at the files to be written, before anything long begins.
+
+    Raises
+    ------
+    ScenarioError    When its name is not that of a PDF.
+    NoBrowserError   When a PDF is asked for and nothing can print it.
+    OutputError      When a file may not be written.
+    """
+    if to is not None and to.parent.is_dir():  # the folder of a page is made where it is missing
+        may_write(to, PAGE)
+    if pdf is not None:
+        if pdf.suffix.lower() != ".pdf":
+            raise ScenarioError(f"'{pdf.name}' does not end in .pdf. The page itself is written by --to.", "--pdf")
+        browser()
+        if pdf.parent.is_dir():
+            may_write(pdf, PAPER)
+
+
+def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) -> dict[str, str]:
+    """Write a page, its PDF, or both; return what was written by its name in the JSON object."""
+    out = {"page": str(write(to))} if to is not None else {}
+    if pdf is not None:
+        with scratch() as folder:
+            page = to if to is not None else write(folder / "page.html")
+            out["pdf"] = str(page_to_pdf(page, pdf))
+    return out

@@ -1,0 +1,172 @@
+"""Commands of a qualification: plan, qualify, correlate, deliver."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from thermid.campaign.hand import filed
+from thermid.cli.inputs import say_first
+from thermid.cli.options import Accept, Data, Force, Json, KeepValues, Page, Pdf, leave, ready, say, written
+from thermid.errors import DeckError, ScenarioError
+from thermid.judge import correlation
+from thermid.judge.correlation import read_two
+from thermid.knowledge.store import model_standing
+from thermid.model.deck.modelfile import load_model
+from thermid.qualify import deliver as delivery
+from thermid.qualify.lock import lock_plan, lock_status
+from thermid.qualify.plan import load_plan
+from thermid.qualify.predictions import pre_test
+from thermid.qualify.programme import run_plan
+from thermid.reporting.pages.views import clean
+from thermid.reporting.qualification.page import correlation_report, qualification_report
+from thermid.sourced import weigh
+from thermid.units import counted
+
+PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
+
+
+LEAVES = {True: 0, False: 1, None: 4}
+"""Verdict -> exit code."""
+
+
+def plan(
+    file: PlanPath,
+    lock: Annotated[bool, typer.Option("--lock", help="Write hash, date and predictions beside the plan, before any log is read.")] = False,
+    data: Data = None,
+    accept: Accept = None,
+    as_json: Json = False,
+) -> None:
+    """Say what a plan predicts of each test, and whether it stands as it was locked."""
+    planned = load_plan(file, data)
+    predictions, standing = pre_test(planned), planned.known.standing.accept(accept or ())
+    if lock:
+        lock_plan(planned, clean(predictions))
+    status = lock_status(planned)
+    seal = {"state": status.state, "sha256": status.sha256, "locked": status.date, "looked": status.looked}
+    shown = {**seal, "changed": list(status.changed)}
+    counts = ((planned.tests, "test"), (planned.content.sensors, "sensor"), (planned.limits, "reference point"))
+    lines = [standing.over(f"{planned.title}: {', '.join(counted(len(rows), noun) for rows, noun in counts)}")]
+    for test, sensors in predictions.items():
+        lines.append(f"  {test}")
+        for sensor, p in sensors.items():
+            ends = [f"{p[f'{end}_C']:.1f} +- {_size(1.96 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
+            lines.append(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
+    answer = {"title": planned.title, "standing": standing.to_dict(), "plan": shown, "predictions": predictions}
+    say(as_json, answer, "\n".join([*lines, str(status)]))
+    leave(standing)
+
+
+def _size(kelvin: float) -> str:
+    """Return an error as text; a question mark where nothing is known of it."""
+    return f"{kelvin:.1f}" if kelvin > 0 else "?"
+
+
+def qualify(
+    file: PlanPath,
+    to: Page = None,
+    pdf: Pdf = None,
+    data: Data = None,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Work a plan through: limits, margins, and the verdict on every log. Exit code 1 if something is not met, 4 if not decided."""
+
+    def notice(name: str) -> None:
+        if not as_json:
+            typer.echo(name, err=True)
+
+    ready(to, pdf)
+    result = run_plan(file, data=data, notice=notice, accept=accept or ())
+    pages = written(lambda path: qualification_report(result, to=path), to, pdf)
+    say(as_json, result.to_dict() | pages, _with_pages(result, pages))
+    leave(result.standing, LEAVES[result.passed])
+
+
+def _with_pages(result: object, pages: dict[str, str]) -> str:
+    """Return a result as text, and where its pages were written."""
+    return "\n".join([str(result), *(f"report: {path}" for path in pages.values())])
+
+
+def correlate(
+    measured: Annotated[Path, typer.Argument(help="A log of readings (CSV).")],
+    simulated: Annotated[Path, typer.Argument(help="A log of the simulation (CSV); temperatures of one name are compared.")],
+    criteria: Annotated[list[str] | None, typer.Option("--criteria", help="A named set of criteria; may be repeated.")] = None,
+    steady: Annotated[list[str] | None, typer.Option("--steady", help="A settled stretch in seconds, BEGIN:END; may be repeated.")] = None,
+    accuracy: Annotated[str, typer.Option("--accuracy", help="Standard deviation of the sensors' constant error.")] = "0.5 [K]",
+    time: Annotated[str | None, typer.Option("--time", help="The time column.")] = None,
+    to: Page = None,
+    pdf: Pdf = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors. Exit code 1 if not met, 4 if open."""
+    ready(to, pdf)
+    windows = []
+    for text in steady or []:
+        begin, _, end = text.partition(":")
+        try:
+            windows.append((float(begin), float(end)))
+        except ValueError:
+            raise ScenarioError(f"'{text}' is no stretch; write BEGIN:END in seconds, such as 3600:7200.", "--steady") from None
+        if not windows[-1][0] < windows[-1][1]:
+            raise ScenarioError(f"'{text}' ends before it begins.", "--steady")
+    first, second = read_two(measured, simulated, accuracy=accuracy, time=time)
+    result = correlation.correlate(
+        (first, second),
+        criteria or ["MIL-HDBK-340, transient"],
+        steady={first.name: windows} if windows else None,
+        title=f"{measured.name} against {simulated.name}",
+    )
+    pages = written(lambda path: correlation_report(result, to=path, synthetic=first.origin.synthetic), to, pdf)
+    say(as_json, {"title": result.title, **result.to_dict(), **pages}, _with_pages(result, pages))
+    leave(result.standing, LEAVES[weigh(result.verdicts.values())])
+
+
+def deliver(
+    deck: Annotated[Path, typer.Argument(help="A deck (TOML), or with --check a delivery folder.")],
+    scenario: Annotated[list[Path], typer.Option("--scenario", help="A scenario (TOML) that must be met; may be repeated.")] = [],  # noqa: B006
+    to: Annotated[Path | None, typer.Option("--to", help="The folder to write.")] = None,
+    values: Annotated[list[Path], typer.Option("--values", help="A file of fitted values to lay over; may be repeated.")] = [],  # noqa: B006
+    at: Annotated[str, typer.Option("--at", help="The submodel to reduce, which fitted values belong to; the whole by default.")] = "",
+    nodes: Annotated[int, typer.Option("--nodes", help="Masses that the reduced deck has.", min=0)] = 0,
+    within: Annotated[str, typer.Option("--within", help="As few masses as keep reference points within this, such as '0.2 [K]'.")] = "",
+    check: Annotated[bool, typer.Option("--check", help="Check a delivery in place of writing one.")] = False,
+    keep_values: KeepValues = False,
+    accept: Accept = None,
+    as_json: Json = False,
+) -> None:
+    """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
+    if check:
+        met = delivery.check_delivery(deck)
+        say(as_json, {"met_K": met}, f"{deck.name}: as delivered, {counted(len(met), 'scenario')} met")
+        return
+    if to is None:
+        raise DeckError("a delivery needs a folder: --to FOLDER.", "command line")
+    if at and not (nodes or within or values):
+        raise DeckError(f"'{at}' is the part that is reduced or has values; give --nodes, --within or --values with it.", "--at")
+    model, values_laid = load_model(deck), []
+    for file in values:
+        laid = filed(file, model, at=at, keep=keep_values)
+        say_first(laid, file)
+        model = laid.model
+        values_laid.append(laid.values)
+    standing = model_standing(model).accept(accept or ())
+    target = delivery.deliver(model, scenario, to, values=values_laid, nodes=nodes or None, within=within or None, at=at)
+    record = json.loads(target.read_text(encoding="utf-8"))
+    mark = f" ({record['watermark']})" if record["watermark"] else ""
+    runs = counted(len(record["runs"]), "scenario")
+    lines = [standing.over(f"{to}: {record['title']} {record['model']['identity']}, {runs} met" + mark)]
+    if "reduced" in record:
+        small = record["reduced"]
+        (masses, left), (before, after) = small["masses"], small["nodes"]
+        lines.append(f"  {small['part']}: {left} masses of {masses}, {after} nodes of {before}")
+        lines += [f"  {node}: {off:+.3f} K at most" for node, off in small["largest_K"].items()]
+        lines += [f"  remark: {remark}" for remark in small["remarks"]]
+    content = {"checks": str(target), **{k: v for k, v in record.items() if k != "schema"}, "standing": standing.to_dict()}
+    say(as_json, content, "\n".join(lines))
+    leave(standing)
