@@ -156,7 +156,7 @@ class Edit:
 
 
 NINE = (
-    Edit("spread over time of a transient", r'np\.array\(\[d\.spread for d in \w+\]\) \*\* 2 if', "np.zeros(1) if"),
+    Edit("spread over time of a transient", r'if kind == "steady":(\n +parts = \[Residuals\()', r"if kind:\1"),
     Edit("bounds of a log-normal law over its median", r"(ends = \[-np\.inf if x <= 0\.0 else float\(np\.log\(x) / self\.median", r"\1"),
     Edit("BEND of approaches", r"(\nBEND: Final) = 0\.1\n", r"\1 = 0.0\n"),
     Edit("Student factor of approaches", r"np\.sqrt\(free / \(free - 2\.0\)\)", "1.0"),

@@ -7,6 +7,7 @@ import dataclasses
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -198,6 +199,7 @@ def unheaded() -> set[str]:
     return out
 
 
+@cache
 def words_of_the_code() -> set[str]:
     """Every class, function, field and file key that a row of the page may use."""
     out: set[str] = {name for names in by_heading().values() for name in names} | {s for k in KINDS.values() for s in k.slots} | set(KINDS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ def named_after(names: list[str]) -> set[str]:
     return {row.upper() for name in names for row in re.findall(r"_([abhkmnvw]\d{1,2})(?=_|$)", name.lower())}
 
 
+@cache
 def every_test() -> list[str]:
     files = [*TESTS.glob("document/*.py"), *TESTS.glob("examples/*.py")]
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in files]

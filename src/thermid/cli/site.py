@@ -39,7 +39,7 @@ def moisture(
         gas: conditions.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table
     }
     known |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
-    answer = water.moisture(model, conditions, known, every=with_unit(every, "s"))
+    answer = water(model, conditions, known, every=with_unit(every, "s"))
     say(as_json, {**_object(answer), "standing": standing.to_dict()}, standing.over(str(answer)))
     leave(standing)
 

@@ -135,7 +135,7 @@ class _Parts:
 class _Case:
     """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
 
-    def __init__(self, model: Model, point: SteadyPoint, scenario: Scenario | None) -> None:
+    def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
         record = at_their_seats(point.record)
         self.model = attached(model, record)[0]
         experiment = meet(model, record, scenario)

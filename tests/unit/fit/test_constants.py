@@ -1,0 +1,264 @@
+"""Constants that set the width of an interval or the outcome of a verdict of a fit, each against the figure that it stands for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import thermid as td
+from thermid.fit.calibrate import fit as fitted_by
+from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import SensorStatistics, loss_of
+from thermid.fit.refusals import mistakes, strange_powers
+from thermid.fit.uncertainty.groups import percent
+from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
+from thermid.fit.uncertainty.moved import Test as Asked
+from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from unit.fit.bench import HTC, MASS, box, log, pair, room
+
+TIMES = np.linspace(0.0, 18000.0, 301)
+
+
+@pytest.fixture(scope="module")
+def plain() -> td.Calibration:
+    """The box in a room of one temperature, its coefficient and mass fitted."""
+    data = log(box(), {}, {"T": "case"}, noise=0.02)
+    still = replace(data["ROOM"], values=np.full(TIMES.size, 297.15)) if "ROOM" in data.channels else None
+    return td.calibrate(box(), data if still is None else data.with_channels(still), [HTC, MASS])
+
+
+class TestConstantCoefficients:
+    """Exponent 0 to 1/3 and emissivity 0 to 0.95, each as likely as another: means and deviations of uniform distributions."""
+
+    def test_shares_and_exponents(self, plain: td.Calibration) -> None:
+        of = td.discrepancy(plain)
+        black = 4.0 * STEFAN_BOLTZMANN * of.conditions["skin"].level ** 3 / plain[HTC].value
+        most = min(1.0, 0.95 * black)
+        share, spread = most / 2.0, most / math.sqrt(12.0)
+        assert (of.means["skin", "level"], of.sizes["skin", "level"]) == pytest.approx((share, spread))
+        # of n (1 - s), n uniform from 0 to 1/3 and s as above, both independent
+        mean = (1.0 - share) / 6.0
+        square = ((1.0 - share) ** 2 + spread**2) / 27.0
+        assert (of.means["skin", "difference"], of.sizes["skin", "difference"]) == pytest.approx((mean, math.sqrt(square - mean**2)))
+
+    def test_a_stated_emissivity_is_good_to_fifteen_per_cent(self) -> None:
+        """Measured emissivities of one finish differ by so much; the share of radiation follows in proportion."""
+        model = box({"surfaces/skin/emissivity": 0.5})
+        of = td.discrepancy(td.calibrate(model, log(model, {}, {"T": "case"}), [HTC]))
+        assert of.sizes["skin", "level"] / of.means["skin", "level"] == pytest.approx(0.15)
+
+    def test_at_its_own_level_radiation_asks_for_no_other_coefficient(self, plain: td.Calibration) -> None:
+        """The pattern is zero at the level of the fit, so a fit at one level answers to a unit of it by less than that varies there."""
+        of = td.discrepancy(plain)
+        k, name = list(of.sizes).index(("skin", "level")), of.names.index(HTC)
+        assert abs(of.response[name, k]) < 0.03
+
+    def test_two_surfaces_have_half_of_what_they_do_not_follow_in_common(self) -> None:
+        model = pair()
+        data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room")
+        of = td.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
+        keys, sizes = list(of.sizes), np.array(list(of.sizes.values()))
+        correlation = of.root @ of.root.T / np.outer(sizes, sizes)
+        for i, a in enumerate(keys):
+            for j, b in enumerate(keys):
+                assert correlation[i, j] == pytest.approx(1.0 if a == b else 0.5 if a[1] == b[1] else 0.0)
+
+    def test_no_heat_flows_below_a_thousandth_of_the_difference(self, plain: td.Calibration) -> None:
+        """The conditions weigh by heat, in the logarithm of the difference."""
+        run = td.simulate(plain.fitted_model, plain.experiments[0].bare, times=TIMES)
+        case, air = run["case"].kelvin, run["air"].kelvin
+        heat = np.abs(case - air)
+        mean = np.exp(heat @ np.log(np.maximum(heat, 1e-9)) / heat.sum())
+        at = td.discrepancy(plain).conditions["skin"]
+        assert at.difference == pytest.approx(mean, rel=2e-3)
+        assert at.level == pytest.approx(heat @ (case + air) / 2.0 / heat.sum(), rel=1e-4)
+
+
+def test_what_was_fixed_counts_by_what_a_fit_at_another_value_finds() -> None:
+    """Consider covariance by brute force, of a log whose noise is thrice what was stated: the derivative has nothing to do with noise."""
+    below = fitted_by(Request(box(), (log(box(), {}, {"T": "case"}, noise=0.3, seed=1, samples=61),), (HTC,), name="below"))
+    data = log(box(), {}, {"T": "case"}, noise=0.3, seed=2, samples=121)
+    data = data.with_channels(replace(data["T"], noise=0.1))
+    found = fitted_by(Request(below.fitted_model, (data,), (MASS,), store=below.store, name="above"))
+    size = below[HTC].error
+    at = below[HTC].value
+    sides = [td.calibrate(box().with_values({HTC: f"{at + s * size} [W/(m^2 K)]"}), data, [MASS])[MASS].value for s in (-1.0, 1.0)]
+    by_hand = (sides[1] - sides[0]) / 2.0
+    rows = found.store.rows([MASS])[0] * found[MASS].value
+    own = [abs(r) for r, s in zip(rows, found.store.sources, strict=True) if "below" in s.words or s.name.startswith("below")]
+    noise = td.calibrate(below.fitted_model, data, [MASS])[MASS].error
+    assert found[MASS].error ** 2 - noise**2 == pytest.approx(by_hand**2, rel=0.05), own
+
+
+class TestMoves:
+    """A value of the level below against the log of the level above: 5 % by Holm, 90 % power, agreement only where a tenth would show."""
+
+    def move(self, **more: Any) -> Move:
+        plain: dict[str, Any] = {"path": "x", "part": "", "stage": "box", "below": 2.0, "alone": 2.01, "here": 2.0, "unit": "W"}
+        rest = {"deviations": 0.5, "chance": 0.6, "detectable": 0.1, "below_error": 0.1, "below_random": 0.1}
+        return Move(**{**plain, **rest, **more})
+
+    def test_one_value_in_twenty_is_called_moved_by_chance(self) -> None:
+        assert self.move(chance=0.0485).verdict == "moved"
+        assert self.move(chance=0.0515).verdict != "moved"
+
+    def test_a_tenth_must_show(self) -> None:
+        assert self.move(detectable=0.195).verdict == "not rejected"
+        assert self.move(detectable=0.205).verdict == "this log cannot decide"
+
+    def test_three_of_the_errors_that_were_stated(self) -> None:
+        assert self.move(alone=2.29).verdict == "not rejected"
+        assert self.move(alone=2.31).verdict == "this log cannot decide"
+
+    def test_ten_times_the_value_says_nothing(self) -> None:
+        assert self.move(detectable=19.6).told
+        assert not self.move(detectable=20.4).told
+
+    @pytest.mark.parametrize("tests", [1, 4])
+    def test_the_detectable_shift_is_found_in_nine_of_ten_cases(self, tests: int) -> None:
+        """z(1 - 0.05 / 2 tests) + z(0.9) standard errors."""
+        wanted = stats.norm.ppf(1.0 - 0.025 / tests) + stats.norm.ppf(0.9)
+        for found in normal_shifts(np.zeros(tests), np.full(tests, 0.2)):
+            assert found.detectable / 0.2 == pytest.approx(wanted, rel=1e-6)
+
+    def test_two_sided_chance(self) -> None:
+        (found,) = normal_shifts(np.array([0.4]), np.array([0.2]))
+        assert found.chance == pytest.approx(2.0 * stats.norm.sf(2.0))
+
+    def test_a_value_that_moved_is_opened_for_the_others(self) -> None:
+        """Two values that a log knows by their sum alone: what one does is not found in the other once it has moved."""
+        information = np.array([[[400.0, 0.0], [0.0, 400.0]]])
+        scores = np.array([[400.0 * 0.2, 0.0]])
+        found = shifts(Asked(np.ones(1), information, scores, 1e-3 * np.eye(2)), [0, 1])
+        assert [round(s.size, 6) for s in found] == [0.2, 0.0]
+        error = math.hypot(0.05, 1e-3)
+        assert found[0].error == pytest.approx(error, rel=1e-3)
+
+
+def value(number: float, **more: Any) -> FittedValue:
+    plain: dict[str, Any] = {"path": MASS, "value": number, "error": 0.01, "error_random": 0.01, "log": True, "unit": "kg"}
+    return FittedValue(**{**plain, "start": 1.5, "bounds": (0.01, 100.0), **more})
+
+
+def values(one: FittedValue) -> FittedValues:
+    return FittedValues("s", {one.path: one}, np.eye(1))
+
+
+class TestWhatIsQuestioned:
+    def test_ten_deviations_from_what_was_stated_are_not_believed(self) -> None:
+        for far, said in ((9.8, False), (10.2, True)):
+            one = value(1.5 * math.exp(0.1 * far), prior=(math.log(1.5), 0.1))
+            assert bool(contradicted(values(one))) is said
+
+    @pytest.mark.parametrize(("ratio", "asked"), [(4.9, False), (5.1, True), (1 / 4.9, False), (1 / 5.1, True)])
+    def test_five_times_the_sheet_or_a_fifth_of_it(self, ratio: float, asked: bool) -> None:
+        assert bool(far_from_sheet(box(), values(value(1.5 * ratio)))) is asked
+
+    @pytest.mark.parametrize(
+        ("misfit", "left", "named"), [(24.5, 0.01, False), (25.5, 0.01, True), (100.0, 0.098, True), (100.0, 0.102, False)]
+    )
+    def test_mistakes_are_looked_for_from_five_noises_on(self, misfit: float, left: float, named: bool) -> None:
+        """A mean square of 25 noises; a mistake is named where a tenth of it would be left."""
+        data = log(pair(), {}, {"A": "a.case", "B": "b.case"}, boundary="room")
+        request = Request(pair(), (data,), ("a.skin.effective_htc",))
+        assert bool(mistakes(request, None, misfit, lambda _: left * misfit)) is named  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
+    def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:
+        """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
+        from thermid.fit.problem.gather import problem_for
+
+        data = log(box(), {}, {"T": "case"})
+        power = td.Channel.of("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
+        problem = problem_for(Request(box(), (data.with_channels(power),), (HTC,)))
+        assert bool(strange_powers(problem)) is asked
+
+    def test_a_constant_error_is_worth_a_word_from_a_twentieth_of_the_variance_on(self) -> None:
+        fit = td.calibrate(box(), log(box(), {}, {"T": "case"}, accuracy=0.2), [HTC])
+        for share, said in ((0.0485, False), (0.0515, True)):
+            r = math.sqrt(share)
+            covariance = np.array([[1.0, r], [r, 1.0]])
+            (found,) = sensor_shares(replace(fit, values=replace(fit.values, covariance=covariance)))
+            assert bool(found.parameter) is said
+
+
+class TestAdequacy:
+    @pytest.mark.parametrize(("noise", "limit"), [(0.01, "range"), (0.2, "noise")])
+    def test_three_noises_or_a_fiftieth_of_the_range(self, noise: float, limit: str) -> None:
+        data = log(box(), {}, {"T": "case"}, noise=noise)
+        slow = 3.0 * np.sin(TIMES / 1500.0)
+        data = data.with_channels(replace(data["T"], values=data["T"].values + slow))
+        found = td.calibrate(box(), data, [HTC])
+        wide = 3.0 * noise if limit == "noise" else 0.02 * float(np.ptp(data["T"].values))
+        assert not found.standing.fair
+        (said,) = [float(x.split(" K")[0]) for x in str(found.standing).split("limit ")[1:]]
+        assert said == pytest.approx(wide, rel=0.02)
+
+    def test_neighbours_of_white_residuals_correlate_by_chance(self) -> None:
+        """1.96 / sqrt(n) in 95 of 100 cases."""
+        for lag, white in ((1.9 / 20.0, True), (2.0 / 20.0, False)):
+            assert SensorStatistics(0.1, 0.0, 0.3, 400, 0.0, lag, 400.0).white is white
+
+    @pytest.mark.parametrize(("times", "said"), [(1.47, False), (1.54, True)])
+    def test_residuals_half_as_large_again_in_their_squares(self, times: float, said: bool) -> None:
+        """A mean square of 1.5 of the stated noise: with 300 readings some six deviations of chance."""
+        given = td.Scenario("r", boundaries={"air": (TIMES, room(TIMES))}, start="24 [degC]", duration=18000.0)
+        wave = np.where(np.arange(301) % 2, 1.0, -1.0) * 0.1 * math.sqrt(times * 300.0 / 301.0)
+        made = {
+            "T": td.Channel.of("T", td.simulate(box(), given, times=TIMES)["case"].kelvin + wave, role="node", target="case", noise=0.1),
+            "ROOM": td.Channel.of("ROOM", room(TIMES), role="boundary", target="air"),
+        }
+        data = td.Record.from_arrays("r", TIMES, made)
+        found = td.calibrate(box(), data, [HTC])
+        assert any("times the stated noise" in w for w in found.warnings) is said
+
+
+def test_robust_losses_are_those_of_scipy() -> None:
+    """rho(z) of scipy.optimize.least_squares, scaled by the knee: C^2 rho(z / C^2)."""
+    squares, knee = np.array([0.01, 0.5, 2.0, 40.0]), 1.3
+    z = squares / knee**2
+    wanted = {
+        "soft_l1": 2.0 * (np.sqrt(1.0 + z) - 1.0),
+        "huber": np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
+        "cauchy": np.log1p(z),
+        "linear": squares / knee**2,
+    }
+    for loss, rho in wanted.items():
+        size, slope = loss_of(squares, loss, knee)
+        assert size == pytest.approx(knee**2 * rho)
+        more = loss_of(squares * 1.000001, loss, knee)[0]
+        assert slope == pytest.approx((more - size) / (squares * 1e-6), rel=1e-4)
+
+
+def test_a_reading_in_steps_errs_by_a_step_over_the_root_of_twelve() -> None:
+    data = log(box(), {}, {"T": "case"})
+    data = data.with_channels(replace(data["T"], noise=0.03, resolution=0.25))
+    (seen,) = td.calibrate(box(), data, [HTC]).experiments[0].observations
+    assert seen.noise == pytest.approx(math.hypot(0.03, 0.25 / math.sqrt(12.0)))
+
+
+def test_percentages_end_where_factors_are_clearer() -> None:
+    assert percent(2.9) == "290 %"
+    assert percent(3.1).startswith("a factor of 3.1")
+
+
+def test_white_residuals_are_called_autocorrelated_in_a_few_cases_of_a_hundred() -> None:
+    """Twice the logarithm of the likelihood ratio passes 5 in chi-square(1) / 2 of the cases, 1.3 %; seven times are tried."""
+    rng = np.random.default_rng(3)
+    times = np.linspace(0.0, 18000.0, 121)
+    given = td.Scenario("r", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration=18000.0)
+    kelvin = td.simulate(box(), given, times=times)["case"].kelvin
+    records = []
+    for k in range(150):
+        case = td.Channel.of("T", kelvin + 0.1 * rng.standard_normal(times.size), role="node", target="case", noise=0.1)
+        records.append(td.Record.from_arrays(f"r{k}", times, {"T": case}))
+    found = td.calibrate(box(), records, [HTC], scenario=given)
+    slow = sum(s.wanders for record in found.statistics.values() for s in record.values())
+    assert 150 * 0.5 * stats.chi2.sf(5.0, 1) <= slow <= 150 * 7 * 0.5 * stats.chi2.sf(5.0, 1)
