@@ -12,12 +12,12 @@ from scipy import stats
 
 import thermid as td
 from thermid.dual import value_of
+from thermid.explain.candidates import missing_elements
 from thermid.explain.criticism import Candidate, Criticism, TraceCriticism
 from thermid.explain.diagnosis import Diagnosis, Suspect, suspects
-from thermid.explain.missing import missing_elements
-from thermid.explain.plausibility import Finding
 from thermid.explain.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.fit.calibration import Calibration
+from thermid.model.tree.rules import Finding
 from thermid.network.network import compile_network
 from thermid.physics.materials import MATERIALS
 from unit.fit.bench import HTC, MASS, box, log, pair
