@@ -12,9 +12,9 @@ from scipy import stats
 
 import thermid as td
 from thermid.dual import value_of
-from thermid.explain.candidates import missing_elements
+from thermid.explain.candidates import faults_of, missing_elements
 from thermid.explain.criticism import Candidate, Criticism, TraceCriticism
-from thermid.explain.diagnosis import Diagnosis, Suspect, suspects
+from thermid.explain.diagnosis import Diagnosis, Suspect
 from thermid.explain.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.fit.calibration import Calibration
 from thermid.model.tree.rules import Finding
@@ -220,7 +220,7 @@ class TestDiagnosis:
     def test_a_link_may_be_half_of_what_its_ends_have(self) -> None:
         """Of the end with less; both boxes have the same."""
         model = pair()
-        faults = suspects(model, {"A": "a.case", "B": "b.case"})[1]
+        faults = faults_of(model, {"A": "a.case", "B": "b.case"})[1]
         link = next(f for f in faults if f.group == "link" and {"a.case", "b.case"} <= set(f.name.split()))
         has = sum(float(value_of(row.coefficients[0])) for row in compile_network(model).numbers().conductors if "a.case" in row.ends)
         assert link.size == pytest.approx(0.5 * has)
