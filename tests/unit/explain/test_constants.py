@@ -15,9 +15,9 @@ from thermid.dual import value_of
 from thermid.explain.candidates import faults_of, missing_elements
 from thermid.explain.criticism import Candidate, Criticism, TraceCriticism
 from thermid.explain.diagnosis import Diagnosis, Suspect
+from thermid.explain.plausibility import RangeCheck
 from thermid.explain.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.fit.calibration import Calibration
-from thermid.model.tree.rules import Finding
 from thermid.network.network import compile_network
 from thermid.physics.materials import MATERIALS
 from unit.fit.bench import HTC, MASS, box, log, pair
@@ -116,7 +116,7 @@ class TestEvidence:
 def test_two_standard_errors_make_doubtful_of_not_physical(side: float) -> None:
     """Outside by 1: doubtful with an error of 0.51, not physical with 0.48."""
     for error, verdict in ((0.51, "doubtful"), (0.48, "not physical")):
-        assert Finding("p", 5.0 + 6.0 * side, error, 0.0, 10.0, "", "", "").verdict == verdict
+        assert RangeCheck("p", 5.0 + 6.0 * side, error, 0.0, 10.0, "", "", "").verdict == verdict
 
 
 def plausible(free: list[str], changes: dict[str, Any] | None = None, **more: Any) -> td.Plausibility:
