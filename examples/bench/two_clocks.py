@@ -15,8 +15,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import thermid as td
-from thermid.acquire.board import Board
-from thermid.acquire.boardport import BoardPort
+from thermid.acquire.board import Board, BoardPort
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import MappedSensor

@@ -139,16 +139,16 @@ if TYPE_CHECKING:
     from thermid.reporting.pictures.trust import picture as picture
     from thermid.reporting.qualification.page import correlation_report as correlation_report
     from thermid.reporting.qualification.page import qualification_report as qualification_report
-    from thermid.simulation.block_solution import BlockSolution as BlockSolution
+    from thermid.simulation.block import BlockSolution as BlockSolution
     from thermid.simulation.draws import draw as draw
     from thermid.simulation.ensemble import Ensemble as Ensemble
-    from thermid.simulation.ensemble import ensemble as ensemble
     from thermid.simulation.scenario_file import load_scenario as load_scenario
     from thermid.simulation.scenarios.scenario import Scenario as Scenario
     from thermid.simulation.simulator import Simulator as Simulator
+    from thermid.simulation.simulator import ensemble as ensemble
     from thermid.simulation.simulator import prepare as prepare
     from thermid.simulation.solution import Solution as Solution
-    from thermid.simulation.solver.engine import Options as Options
+    from thermid.simulation.solver.problem import Options as Options
     from thermid.simulation.steady import Steady as Steady
     from thermid.simulation.steady import steady as steady
     from thermid.simulation.steady import steady_levels as steady_levels
@@ -205,7 +205,7 @@ _PUBLIC = {
     "eclipse_signal": "site.orbit",
     "AscentCheck": "site.ascent_checks",
     "ascent_checks": "site.ascent_checks",
-    "Options": "simulation.solver.engine",
+    "Options": "simulation.solver.problem",
     "simulate": "simulation.transient",
     "prepare": "simulation.simulator",
     "Simulator": "simulation.simulator",
@@ -213,10 +213,10 @@ _PUBLIC = {
     "steady_levels": "simulation.steady",
     "Steady": "simulation.steady",
     "draw": "simulation.draws",
-    "ensemble": "simulation.ensemble",
+    "ensemble": "simulation.simulator",
     "Ensemble": "simulation.ensemble",
     "Solution": "simulation.solution",
-    "BlockSolution": "simulation.block_solution",
+    "BlockSolution": "simulation.block",
     "moisture": "site.moisture",
     "Volume": "site.vapour",
     "WaterBalance": "site.vapour",

@@ -9,7 +9,8 @@ import pytest
 
 import thermid as td
 from strategies import TIGHT
-from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Wiring
 
 pytestmark = pytest.mark.analytic

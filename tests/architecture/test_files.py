@@ -29,7 +29,6 @@ WRITES = {
 PLACES = {
     ("thermid.files", "writing is its work"),
     ("thermid.acquire.benchlog", "the logger appends, line by line, each on disk before the next is read"),
-    ("thermid.acquire.terminal", "the name of a simulated port is a link"),
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""

@@ -10,8 +10,8 @@ from .source import Module
 
 HOME = "thermid.model.laws.signal"
 WRITERS = {
-    "thermid.simulation.solver.kernel_form": "writes signals as the kernel's arrays",
-    "thermid.simulation.solver.modal": "counts the samples that the kernel will meet, to choose a method",
+    "thermid.simulation.solver.problem": "writes signals as the kernel's arrays",
+    "thermid.simulation.solver.engine": "counts the samples that the kernel will meet, to choose a method",
     "thermid.interop.octave": "writes signals as Octave",
     "thermid.interop.spice": "writes signals as SPICE",
     "thermid.interop.wired": "lists the corners of signals for both",

@@ -11,8 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 import thermid as td
-from thermid.acquire.board import Board
-from thermid.acquire.boardport import BoardPort
+from thermid.acquire.board import Board, BoardPort
 from thermid.acquire.guide import ice_point
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme

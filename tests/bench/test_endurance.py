@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import thermid as td
+from pseudo_terminal import Terminal
 from thermid.acquire.board import Board
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.port import LONGEST
-from thermid.acquire.terminal import Terminal
 from thermid.acquire.wire import parse_line
 from thermid.errors import ThermidError
 
@@ -36,8 +36,9 @@ while True:
 
 BOARD = """
 import math, sys
+sys.path.insert(0, sys.argv[1])
+from pseudo_terminal import Terminal
 from thermid.acquire.board import Board
-from thermid.acquire.terminal import Terminal
 board = Board(lambda t, d: [20.0 + k + math.sin(t / 5000) for k in range(10)], 10)
 with Terminal(board, speed=1e6, waits=True, keep=False) as terminal:
     print(terminal.port, board.roms[0], flush=True)
@@ -92,7 +93,9 @@ def resident() -> float:
 def test_a_day_at_ten_sensors_keeps_its_memory_and_loses_nothing(hours: float, tmp_path: Path) -> None:
     path = tmp_path / "bench.log"
     # in a process of its own: two threads that pass single bytes to each other wait for the interpreter's lock
-    board = subprocess.Popen([sys.executable, "-c", BOARD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    board = subprocess.Popen(
+        [sys.executable, "-c", BOARD, str(Path(__file__).parents[1])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
     assert board.stdout is not None
     port, rom = board.stdout.readline().split()
     begun = time.monotonic()

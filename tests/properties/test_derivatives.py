@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 import thermid as td
 from oracle import si
 from strategies import DURATION, SMOOTH, WITHOUT_KNEES, Case, cases, random_models
-from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Wiring
 
 VERY_TIGHT = Options(tolerance=1e-11, relative=1e-12, input_tolerance=1e-9, max_step=30.0)

@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.acquire.wire import MAGIC, BoardLine, crc16, parse_line
+from thermid.acquire.wire import MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.errors import OutputError, RecordError
 from thermid.files import COPY, write_bytes
 from thermid.measure.readers.formats import is_bench_log
@@ -50,21 +50,7 @@ _MOST_WAITING = 64 << 20
 
 def log_line(body: str) -> str:
     """Return a line of the log, with its own CRC and its line feed: the stamp of the host must be as sure as the value."""
-    plain = _UNPRINTABLE.sub("?", body)
-    return f"{plain} {crc16(plain)}\n"
-
-
-def opened(text: str) -> str:
-    """Return the body of a line of the log.
-
-    Raises
-    ------
-    RecordError   When its CRC is wrong or missing.
-    """
-    body, _, crc = text.rpartition(" ")
-    if crc != crc16(body):
-        raise RecordError("its CRC is wrong.")
-    return body
+    return sealed(_UNPRINTABLE.sub("?", body), " ") + "\n"
 
 
 class LogFile:
@@ -419,9 +405,9 @@ def _read(text: str) -> _Log:
     for at, line in enumerate(whole, 1):
         try:
             if line.startswith(("# session ", "# sensor ", "# mark ")):
-                _comment(log, opened(line))
+                _comment(log, unsealed(line, " "))
             elif line and not line.startswith("#"):
-                match = _BODY.match(opened(line))
+                match = _BODY.match(unsealed(line, " "))
                 if match is None:
                     raise RecordError("it is no line of a log.")
                 log.heard.append(Heard(int(match[1]), float(match[2]), at, parse_line(match[3])))

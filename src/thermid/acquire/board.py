@@ -1,7 +1,13 @@
-"""A board made of Python alone: it speaks the protocol of `docs/bench.md` about sensors that a function drives, with faults on order."""
+"""A board made of Python alone: it speaks the protocol of `docs/bench.md` about sensors that a function drives, with faults on order.
+
+As a port within this program its time passes only while somebody waits for a line, so that no host is too slow for it. `simulated` is a
+bench to try the logger with.
+"""
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 
 from thermid.acquire.wire import crc8, sealed, unsealed
@@ -14,6 +20,8 @@ World = Callable[[float, tuple[float, float]], Sequence[float]]
 
 _TURN = 1 << 32
 _LIMITS = {"resolution": (9, 12), "interval": (100, 3_600_000), "limit": (-880, 2000), "silence": (200, 3_600_000)}
+_STEP = 100
+"""Short enough that the silence of the host is seen when it is. [ms]"""
 
 
 def made_up_rom(number: int) -> str:
@@ -196,3 +204,89 @@ class Board:
                 self.cycle = min(self.cycle, self.ms + 1000)
             return "ok"
         return "unknown"
+
+
+class BoardPort:
+    """A board that a logger reads without a cable; its clock is the board's, and what is logged is the same on every machine.
+
+    Parameters
+    ----------
+    board : Board   What answers.
+    speed : float   Seconds of the board in one second, at most; infinite for as fast as it can be read.
+    """
+
+    def __init__(self, board: Board, speed: float = math.inf) -> None:
+        if not speed > 0.0:
+            raise RecordError(f"a board runs forward; its speed {speed:g} must be above zero.", "simulated board")
+        self.board, self._speed = board, speed
+        self._sent: list[str] = []
+        self._free = 0.0  # when its next step may be taken, by the host's clock
+        self._zero = time.time()
+
+    def clock(self) -> float:
+        """Return the time of the board's world, which a reset does not stop. [s]"""
+        return self.board.seconds
+
+    def wall(self) -> float:
+        """Return the time of a day that began when this was made and passes as the board's does. [s]"""
+        return self._zero + self.board.seconds
+
+    def read_line(self, timeout: float) -> bytes:
+        """Return the next line with its line feed, empty where the board says none in a time of its own. [s]"""
+        until = self.board.seconds + timeout
+        while not self._sent:
+            self._sent += self.board.take()
+            if self._sent or self.board.seconds >= until - 5e-4:
+                break
+            passed = max(1, min(_STEP, round(1000.0 * (until - self.board.seconds))))
+            self._pace(passed / 1000.0)
+            self.board.advance(passed)
+        return self._sent.pop(0).encode() + b"\n" if self._sent else b""
+
+    def _pace(self, seconds: float) -> None:
+        """Wait until a step may be taken; a board that was not read for a while does not hurry after."""
+        if math.isinf(self._speed):
+            return
+        now = time.monotonic()
+        self._free = max(self._free, now - 0.05) + seconds / self._speed
+        if self._free > now:
+            time.sleep(self._free - now)
+
+    def write(self, text: str) -> None:
+        """Tell the board one line."""
+        self.board.hear(text)
+
+    @property
+    def begun(self) -> bytes:
+        """Nothing: lines are whole here."""
+        return b""
+
+    def close(self) -> None:
+        """Leave the board as it is."""
+
+
+class Plate:
+    """Two lumped bodies between a heater and a room that breathes by half a kelvin; a `World` for a `Board`."""
+
+    def __init__(self) -> None:
+        self.plate = self.cover = 21.0
+        self.seconds = 0.0
+
+    def __call__(self, seconds: float, duties: tuple[float, float]) -> Sequence[float]:
+        """Return the temperatures at a time [degC]."""
+        room = 21.0 + 0.5 * math.sin(2.0 * math.pi * seconds / 3600.0)
+        power = 6.0 * duties[0]
+        left = seconds - self.seconds
+        while left > 0.0:
+            step = min(left, 1.0)
+            across = 0.4 * (self.plate - self.cover)
+            self.plate += step * (power - across - 0.05 * (self.plate - room)) / 110.0
+            self.cover += step * (across - 0.15 * (self.cover - room)) / 60.0
+            left -= step
+        self.seconds = seconds
+        return (self.plate, self.cover, room)
+
+
+def simulated(speed: float = 60.0) -> BoardPort:
+    """Return a made-up board with three sensors, faster than time."""
+    return BoardPort(Board(Plate(), 3), speed)

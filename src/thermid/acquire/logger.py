@@ -15,15 +15,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.acquire.benchlog import MOST_CURRENT, RANGE, LogFile
-from thermid.acquire.boardport import BoardPort
+from thermid.acquire.board import BoardPort
 from thermid.acquire.port import Port
 from thermid.acquire.programme import Programme
 from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.wire import BoardLine, parse_line, sealed
 from thermid.errors import RecordError
+from thermid.measure.record.channel import FloatArray
 
 _JUMP = 1.0
 _WALL_EVERY = 600.0
@@ -40,7 +40,6 @@ _WORDS = {
     "85": "it shows the 85 degC of power-up",
 }
 _QUIET = ("count",)
-Array = NDArray[np.float64]
 _LATE = 900
 _EARLY = 600
 
@@ -269,14 +268,14 @@ class History:
                 self._width *= 2.0
                 self._early = _binned(self._early, self._width)
 
-    def arrays(self) -> tuple[Array, Array]:
+    def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times and values. [s], [K]"""
         with self._lock:
             early, late = self._early, np.array(self._late).reshape(-1, 2).T
         return np.hstack([early[0], late[0]]), np.hstack([early[1], late[1]])
 
 
-def _binned(points: Array, width: float) -> Array:
+def _binned(points: FloatArray, width: float) -> FloatArray:
     """Return means over bins of a width (3, bins)."""
     starts = np.flatnonzero(np.diff(np.floor(points[0] / width), prepend=-np.inf))
     count = np.add.reduceat(points[2], starts)

@@ -84,16 +84,12 @@ def _sensor(name: str, table: object, where: str) -> MappedSensor:
         raise RecordError(f"ROM '{table['rom']}' is not 16 hexadecimal digits.", where)
     if not rom_is_good(rom):
         raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
-    given = table.get("certificate")
-    return MappedSensor(name, rom, None if given is None else _certificate(given, f"{where}.certificate"), str(table.get("note", "")))
-
-
-def _certificate(given: object, where: str) -> SensorCertificate:
-    """Return the certificate of one sensor."""
-    found = SensorCertificate.read(given, where)
-    if abs(found.offset) > _BROKEN:
-        raise RecordError(f"its offset is {found.offset:g} K; a sensor that is off by more than {_BROKEN:g} K is broken.", where)
-    return found
+    certificate = SensorCertificate.read(table["certificate"], f"{where}.certificate") if "certificate" in table else None
+    if certificate is not None and abs(certificate.offset) > _BROKEN:
+        raise RecordError(
+            f"its offset is {certificate.offset:g} K; a sensor that is off by more than {_BROKEN:g} K is broken.", f"{where}.certificate"
+        )
+    return MappedSensor(name, rom, certificate, str(table.get("note", "")))
 
 
 def save_sensor(path: str | Path, sensor: MappedSensor) -> None:

@@ -71,24 +71,24 @@ def rom_is_good(rom: str) -> bool:
     return crc8(bytes.fromhex(rom)) == 0 and rom != "0" * 16
 
 
-def sealed(body: str) -> str:
-    """Return a line as it goes over the wire, without its line feed.
+def sealed(body: str, mark: str = "*") -> str:
+    """Return a line with its CRC behind a mark, without its line feed: over the wire ``*``, in a log a space.
 
     >>> sealed("4,alive")
     '4,alive*6905'
     """
-    return f"{body}*{crc16(body)}"
+    return f"{body}{mark}{crc16(body)}"
 
 
-def unsealed(text: str) -> str:
+def unsealed(text: str, mark: str = "*") -> str:
     """Return the body of a line.
 
     Raises
     ------
     RecordError   When it has no CRC or a wrong one.
     """
-    body, star, crc = text.rpartition("*")
-    if not star:
+    body, sign, crc = text.rpartition(mark)
+    if not sign:
         raise RecordError("it has no CRC.")
     if crc != crc16(body):
         raise RecordError(f"its CRC is {crc[:8]!r}, its text gives {crc16(body)}.")

@@ -23,7 +23,7 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from thermid.toml_files import Places, read_toml, resolve_inside
 from thermid.units import TEMPERATURE
 

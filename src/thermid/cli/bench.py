@@ -17,8 +17,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from thermid.acquire.boardport import BoardPort
-from thermid.acquire.demo import simulated
+from thermid.acquire.board import BoardPort, simulated
 from thermid.acquire.guide import ice_point as guided_ice_point
 from thermid.acquire.guide import tell_apart
 from thermid.acquire.logger import Logger, Settings

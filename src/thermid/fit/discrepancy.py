@@ -31,7 +31,8 @@ from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Wiring
 

@@ -21,8 +21,8 @@ from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget
 from thermid.prediction.setting import Setting
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
 from thermid.simulation.solver.extremes import MemberTurnings
+from thermid.simulation.solver.problem import Options
 
 Array = NDArray[np.float64]
 PARTS = ("members", "times", "kelvin")

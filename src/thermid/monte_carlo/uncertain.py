@@ -29,8 +29,8 @@ from thermid.prediction.setting import Setting
 from thermid.reduction.macro import assumed
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.simulator import output_times
-from thermid.simulation.solver.engine import Options
 from thermid.simulation.solver.extremes import MemberTurnings
+from thermid.simulation.solver.problem import Options
 
 STEP = 1800.0
 """Step of start times where none is given. [s]"""

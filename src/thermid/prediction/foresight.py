@@ -20,7 +20,7 @@ from thermid.prediction.setting import Setting
 from thermid.prediction.structural import MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.transient import simulate
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ from thermid.prediction.known import Known
 from thermid.prediction.setting import Linear, Setting
 from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 
 Array = NDArray[np.float64]
 EXACT = 1e-9

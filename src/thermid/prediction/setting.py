@@ -29,8 +29,9 @@ from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
-from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import MemberTurnings
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]

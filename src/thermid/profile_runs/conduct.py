@@ -21,7 +21,7 @@ from thermid.profile_runs.waiting import Wanted, wait
 from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.transient import simulate
 
 

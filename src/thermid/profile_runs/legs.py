@@ -16,7 +16,8 @@ from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.knowledge.sources import uniforms
-
-if TYPE_CHECKING:
-    from thermid.model.tree.model import Model
-    from thermid.simulation.scenarios.scenario import Scenario
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.simulator import prepare
 
 Array = NDArray[np.float64]
 
@@ -37,8 +36,6 @@ def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: 
     ScenarioError       When a spread is none of these forms.
     UnitError           When a number has another dimension than what it spreads.
     """
-    from thermid.simulation.simulator import prepare
-
     if members < 1:
         raise ScenarioError("an ensemble needs at least one member.", model.title)
     duration = scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)

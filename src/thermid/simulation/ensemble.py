@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
 from thermid.simulation.solver.extremes import MemberTurnings
-
-if TYPE_CHECKING:
-    from thermid.model.tree.model import Model
-    from thermid.simulation.scenarios.scenario import Scenario
-    from thermid.simulation.solver.engine import Options
 
 Array = NDArray[np.float64]
 
@@ -201,42 +195,3 @@ def check_shares(shares: Array, where: str) -> None:
     """
     if shares.ndim != 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
         raise ScenarioError("a quantile is a share between 0 and 1, such as 0.95.", where)
-
-
-@takes_objects
-def ensemble(
-    model: Model,
-    scenario: Scenario,
-    draws: Mapping[str, Any],
-    *,
-    every: str | float | None = None,
-    times: Any = None,
-    nodes: Any = None,
-    quantiles: Any = None,
-    threads: int = 1,
-    options: Options | None = None,
-    simd: str = "auto",
-) -> Ensemble:
-    """Return the runs of a model at many sets of values.
-
-    The same draws and options give the same result bit for bit, with one thread and with many.
-
-    Parameters
-    ----------
-    model, scenario, every, times, options    As in `simulate`.
-    draws : dict            Name -> value of every member (members,): parameters, boundaries (a constant added to their signal),
-                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. [SI]
-    nodes : list of str     Nodes to keep; all of them when not given.
-    quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``; saves memory. [-]
-    threads : int           How many may compute at once.
-    simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
-
-    Raises
-    ------
-    ScenarioError   As in `simulate`, or when the names do not have equally many values.
-    NameNotFoundError   When a name does not exist.
-    """
-    from thermid.simulation.simulator import prepare
-
-    ready = prepare(model, scenario, tuple(draws), every=every, times=times, options=options)
-    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd)

@@ -22,12 +22,14 @@ from thermid.network.gas_checks import gas_remarks
 from thermid.network.network import Network, compile_network
 from thermid.network.reach import unreached
 from thermid.simulation.ensemble import Ensemble
-from thermid.simulation.run import Run
+from thermid.simulation.members import run_members
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, sampled_logs
-from thermid.simulation.solution import Solution
-from thermid.simulation.solver.engine import Engine, Options
+from thermid.simulation.solution import Run, Solution
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.problem import Options
+from thermid.simulation.solver.settling import settle
+from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Wiring
-from thermid.simulation.steady import held_inputs
 from thermid.units import TEMPERATURE
 
 Array = NDArray[np.float64]
@@ -218,8 +220,6 @@ class Simulator:
         NameNotFoundError   When values are given for a name that is not free.
         ScenarioError       When the names do not have equally many values.
         """
-        from thermid.simulation.members import run_members
-
         given = {_free_name(self._wiring.network, name): value for name, value in draws.items()}
         for name in given:
             if name not in self.free:
@@ -235,9 +235,6 @@ class Simulator:
         ------
         SolverError   When nothing settles.
         """
-        from thermid.simulation.solver.settling import settle
-        from thermid.simulation.solver.traces import Traces
-
         wiring, end = self._wiring, self._wiring.scenario.seconds
         a = self._engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
         found, moves = settle(self._engine, a, end, bool(self.free))
@@ -283,6 +280,43 @@ class Simulator:
         return np.array([given.get(name, self.nominal[name]) for name in self.free])
 
 
+@takes_objects
+def ensemble(
+    model: Model,
+    scenario: Scenario,
+    draws: Mapping[str, Any],
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    nodes: Any = None,
+    quantiles: Any = None,
+    threads: int = 1,
+    options: Options | None = None,
+    simd: str = "auto",
+) -> Ensemble:
+    """Return the runs of a model at many sets of values.
+
+    The same draws and options give the same result bit for bit, with one thread and with many.
+
+    Parameters
+    ----------
+    model, scenario, every, times, options    As in `simulate`.
+    draws : dict            Name -> value of every member (members,): parameters, boundaries (a constant added to their signal),
+                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. [SI]
+    nodes : list of str     Nodes to keep; all of them when not given.
+    quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``; saves memory. [-]
+    threads : int           How many may compute at once.
+    simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
+
+    Raises
+    ------
+    ScenarioError   As in `simulate`, or when the names do not have equally many values.
+    NameNotFoundError   When a name does not exist.
+    """
+    ready = prepare(model, scenario, tuple(draws), every=every, times=times, options=options)
+    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd)
+
+
 def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     """Return what a reader of a solution must know: parts that warm without limit, bounds that are no predictions."""
     numbers = wiring.assemble().numbers
@@ -293,7 +327,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
     out = [part.message() for part in unreached(wiring.network, numbers, powers)]
-    if wiring.start is not None and wiring.start.kind == STEADY and (said := held_inputs(wiring, wiring.start.time)):
+    if wiring.start is not None and wiring.start.kind == STEADY and (said := wiring.held_at(wiring.start.time)):
         out.append(f"the start is {said}")
     out += sampled_logs(scenario)
     if scenario.as_printed:

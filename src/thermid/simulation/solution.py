@@ -6,21 +6,28 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.dual import Number, value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
+from thermid.memo import Memo
+from thermid.model.laws.curves import evaluate
 from thermid.model.laws.signal import literal
+from thermid.network.network import Network
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
+from thermid.physics.correlations import correlation
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above, signal_turnings
+from thermid.simulation.solver.problem import Answer, Options, break_times, left_tables, read_nodes
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Assembled, Wiring
 
 if TYPE_CHECKING:
     import xarray
-
-    from thermid.simulation.run import Run
 
 Array = NDArray[np.float64]
 JUST_BEFORE = 1e-6
@@ -151,6 +158,183 @@ class HeatBalance:
     stored: float
     residual: float
     relative: float
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A wiring, its numbers, and what the kernel answered."""
+
+    wiring: Wiring
+    engine: Engine
+    assembled: Assembled
+    answer: Answer
+    times: Array
+    options: Options
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @cached_property
+    def traces(self) -> Traces:
+        """Temperatures and derivatives by name."""
+        return Traces(
+            self.wiring, self.assembled, self.times, self.assembled.reduced.nodes, self.answer.temperatures, self.answer.sensitivities
+        )
+
+    def turnings(self, path: str) -> Turnings | None:
+        """Return the turning points of a node or boundary between samples; None where the run did not follow it."""
+        if path in self.network.boundaries:
+            offset = value_of(self.assembled.offsets[path])
+            return signal_turnings(self.wiring.signals[f"boundary {path}"], self.answer.end, offset)
+        return (self.answer.turnings or {}).get(path)
+
+    def again(self, times: Array) -> Run:
+        """Return the same run stored at other, increasing times (times,) [s], by the same method."""
+        return self.memo.made(times.tobytes(), lambda: self._again(times), most=4)
+
+    def _again(self, times: Array) -> Run:
+        method = str(self.answer.statistics["method"]).removesuffix(" + CG")
+        options = replace(self.options, method=method, extremes=False)
+        answer = self.engine.integrate(self.assembled, times, self.assembled.reduced.nodes, self.answer.end, options)
+        return replace(self, answer=replace(answer, turnings=self.answer.turnings), times=times)
+
+    def dense(self, path: str) -> RunDense:
+        """Return the course of a node or boundary at any time."""
+        return RunDense(self, path)
+
+    @cached_property
+    def switches(self) -> Array:
+        """When inputs jump and thermostats switch. [s]"""
+        return np.unique(np.concatenate((break_times(self.engine.inputs, self.answer.end), [t for t, _, _ in self.answer.switched])))
+
+    @property
+    def network(self) -> Network:
+        """The network that was run."""
+        return self.wiring.network
+
+    def _index(self, nodes: tuple[str, ...]) -> dict[str, int]:
+        return {n: k for k, n in enumerate(nodes)}
+
+    def all_nodes(self) -> tuple[str, ...]:
+        """Nodes, then boundaries: the order of a solution's columns."""
+        return (*self.network.nodes, *self.network.boundaries)
+
+    def time_constants(self, temperatures: Array) -> Array:
+        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
+        at = np.array(self.assembled.reduced.states(dict(zip(self.all_nodes(), temperatures, strict=True))), dtype=float)
+        return self.engine.time_constants(self.assembled, at, self.answer.end)
+
+    def flows(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return conductor -> heat flow (times,). [W]"""
+        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        return self.wiring.conductor_flows(self.assembled.numbers, by_node, times)
+
+    def conductances(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return conductor -> conductance (times,), radiation made linear. [W/K]"""
+        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times)
+
+    def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return load -> power (times,). [W]"""
+        return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
+
+    def out_of_range(self) -> tuple[str, ...]:
+        """Return a sentence for each table that was asked for values outside its points, at a stored time or a turning point."""
+        numbers = self.assembled.numbers
+        fine = self._at_turnings(read_nodes(self.network, numbers))
+        return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *outside(self))
+
+    def _at_turnings(self, nodes: Iterable[str]) -> Run:
+        """Return the run stored at the turning points of some nodes too."""
+        found = [t.times for t in map(self.turnings, nodes) if t is not None]
+        times = np.union1d(self.times, np.concatenate([np.zeros(0), *found]))
+        times = times[(times >= self.times[0]) & (times <= self.times[-1])]
+        return self if times.size == self.times.size else self.again(times)
+
+    def _columns(self, temperatures: Array) -> Array:
+        by_node = dict(zip(self.all_nodes(), temperatures.T, strict=True))
+        return np.column_stack([*self.assembled.reduced.states(by_node), *(by_node[b] for b in self.network.boundaries)])
+
+    def heat_balance(self) -> HeatBalance:
+        """Return where the heat went, by the integrator's own weights."""
+        answer = self.answer
+        loads = float(answer.load_energy.sum())
+        boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())
+        capacities = np.array([value_of(c) if c is not None else 0.0 for c in self.assembled.reduced.capacitances.values()])
+        stored = float(capacities @ (answer.final - answer.initial))
+        seen = np.vstack((answer.initial, answer.temperatures, answer.final))
+        # heat that only passes through, from one boundary to another, is heat that the integrator handled too
+        gross = max(float(np.abs(part).sum()) for part in (answer.load_energy, answer.boundary_energy, answer.flow_energy))
+        size = max(gross, float(capacities @ np.ptp(seen, axis=0)), 1e-300)
+        residual = loads - boundaries - stored
+        return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)
+
+
+@dataclass(frozen=True, eq=False)
+class RunDense:
+    """The course of a node or boundary of a run at any time; see `Dense`.
+
+    Parameters
+    ----------
+    run : Run
+    path : str      Of the node.
+    """
+
+    run: Run
+    path: str
+
+    def kelvin(self, times: Array) -> Array:
+        """Return the temperatures (times,) [K] at increasing times (times,) [s]."""
+        if self.path in self.run.network.boundaries:
+            return self.run.wiring.boundary(self.path, times, self.run.assembled.offsets)
+        return self.run.again(times).traces.temperature(self.path)
+
+    @property
+    def switches(self) -> Array:
+        """When inputs jump and thermostats switch. [s]"""
+        return self.run.switches
+
+
+def outside(run: Run) -> tuple[str, ...]:
+    """Return a sentence for each correlation whose largest Rayleigh number at a stored time lies outside its range."""
+    out = []
+    words = {c.path: c.words for c in run.network.flat.conductors}
+    for row in run.assembled.numbers.conductors:
+        if row.form != "natural" or row.curve is None:
+            continue
+        hot, cold = (run.traces.temperature(end) for end in row.ends)
+        strength = run.wiring.signals[row.second].at(run.times) if row.second else 1.0
+        root = value_of(row.coefficients[1]) * strength * evaluate(row.curve.film[1], 0.5 * (hot + cold))
+        highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
+        given = words[row.name]
+        law = correlation(given.get("htc.correlation", ""), given.get("htc.orientation", "vertical"))
+        if highest > law.high or 0.0 < highest < law.low:
+            out.append(
+                f"{law.name} of '{row.name}' was found between Rayleigh numbers of {law.low:g} and {law.high:g};"
+                f" here they reach {highest:.3g}"
+            )
+    return (*dict.fromkeys(out), *_convecting_gaps(run))
+
+
+CONVECTS: Final = 1708.0
+"""Rayleigh number of a layer that is heated from below, above which its gas moves (Incropera, 6th ed., Section 9.8). [-]"""
+
+
+def _convecting_gaps(run: Run) -> tuple[str, ...]:
+    """Return a sentence for each gap so wide that its gas would not stay at rest."""
+    out, values = [], run.assembled.numbers.values
+    for c in run.network.flat.conductors:
+        if "gap" not in c.fields:
+            continue
+        hot, cold = (run.traces.temperature(end) for end in c.ends)
+        distance: Number = values[c.fields["gap"]]
+        highest = float(np.max(run.network.media.buoyancy(c, 0.5 * (hot + cold), run.times) * np.abs(hot - cold), initial=0.0))
+        highest *= value_of(distance) ** 3
+        if highest > CONVECTS:
+            width = 1e3 * value_of(distance)
+            out.append(
+                f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken, and above"
+                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
+            )
+    return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,14 @@ from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation.block import BlockSolution, steady_block
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, Scenario
-from thermid.simulation.solver.engine import Engine
+from thermid.simulation.simulator import network_for
+from thermid.simulation.solver.problem import KernelProblem
 from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Wiring
-
-if TYPE_CHECKING:
-    from thermid.simulation.block_solution import BlockSolution
+from thermid.simulation.transient import simulate
 
 Array = NDArray[np.float64]
 PERIOD_SAMPLES = 2001
@@ -61,17 +61,6 @@ class Steady(dict[str, float]):
         return "\n".join([*lines, *(f"  {n}: {t - ICE_POINT:.3f} degC" for n, t in self.items())])
 
 
-def held_inputs(wiring: Wiring, time: float) -> str:
-    """Return what must be said of a steady state under the inputs of one time, where they change; empty where they do not."""
-    if not wiring.changing:
-        return ""
-    several = ", ".join(wiring.changing)
-    return (
-        f"steady with the inputs of {time:g} s held, while {several} change{'s' if len(wiring.changing) == 1 else ''} in time; "
-        "their mean ('mean'), another time or the state that comes back ('periodic') can be asked for"
-    )
-
-
 @overload
 def steady(model: Model, scenario: Scenario, time: float | str = 0.0) -> Steady: ...
 
@@ -99,14 +88,10 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     SolverError     When there is no steady state; the message names the part and its rate.
     ScenarioError   When a signal ends before the time, or inputs do not repeat.
     """
-    from thermid.simulation.simulator import network_for
-
     kind = time if time in (MEAN, PERIODIC) else ""
     instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
     asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or ICE_POINT)
     if isinstance(model, Block):
-        from thermid.simulation.block import steady_block
-
         if kind:
             raise ScenarioError("of a block, the inputs of one time are held; turn it into a model with model().", scenario.title)
         return steady_block(model, asked, instant)
@@ -118,24 +103,21 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
         wiring = Wiring(network_for(model, asked), asked)
     if kind == PERIODIC:
         return _over_a_period(model, asked, wiring.cycle)
-    engine = Engine(wiring)
-    engine = engine.still if kind else engine
+    problem = KernelProblem(wiring.stilled() if kind else wiring)
     a = wiring.assemble()
-    found, _ = settle(engine, a, instant)
-    traces = Traces(engine.wiring, a, np.array([instant]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
+    found, _ = settle(problem, a, instant)
+    traces = Traces(problem.wiring, a, np.array([instant]), problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
     if kind:
         span = f"a period of {wiring.cycle:g} s" if wiring.cycle else f"{asked.seconds:g} s"
         bent = f"the means over {span} of {', '.join(wiring.changing)} are held; where laws bend, that is not the mean of the temperatures"
         return Steady(temperatures, f"mean inputs over {span}", (bent,) if wiring.changing else ())
-    said = held_inputs(wiring, instant)
+    said = wiring.held_at(instant)
     return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else ())
 
 
 def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Steady:
     """Return means, lowest and highest temperatures over a period of the state that comes back after it. [K]"""
-    from thermid.simulation.transient import simulate
-
     length = cycle or scenario.seconds or 1.0
     run = simulate(model, replace(scenario, start=PERIODIC, duration=length), times=np.linspace(0.0, length, PERIOD_SAMPLES))
     mean = {n: float(np.trapezoid(run[n].kelvin, run.times)) / length for n in run.nodes}
@@ -159,8 +141,6 @@ def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]:
     ScenarioError   When an input does not stay on levels, or there are more than `MOST_LEVELS`.
     SolverError     As in `steady`.
     """
-    from thermid.simulation.simulator import network_for
-
     asked = replace(scenario, start=ICE_POINT, initial={})
     wiring = Wiring(network_for(model, asked), asked)
     length = max(asked.seconds, wiring.cycle or 0.0)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.model.blocks.block import Block
 from thermid.model.tree.model import Model
+from thermid.simulation.block import BlockSolution, simulate_block
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
-from thermid.simulation.solver.engine import Options
-
-if TYPE_CHECKING:
-    from thermid.simulation.block_solution import BlockSolution
+from thermid.simulation.solver.problem import Options
 
 
 @overload
@@ -67,8 +65,6 @@ def simulate(
     SolverError     When the run ends before its time; the message says at what time, at which node and what to change.
     """
     if isinstance(model, Block):
-        from thermid.simulation.block import simulate_block
-
         return simulate_block(model, scenario, every=every, times=times, options=options, watch=watch, fields=fields)
     if watch is not None or tuple(fields):
         raise ScenarioError("'watch' and 'fields' belong to blocks; the solution of a model holds every node.", model.title)

@@ -14,12 +14,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermid.measure.record.channel import FloatArray
 from thermid.measure.record.steadiness import correlation_factor
 from thermid.memo import Memo
 
-Array = NDArray[np.float64]
 BINS: Final = 120
 """Medians that stand for the readings."""
 SKIP: Final = 0.3
@@ -46,9 +45,9 @@ class Mixture:
     weights, means, spreads : array (parts,)   [-], [K], [K]
     """
 
-    weights: Array
-    means: Array
-    spreads: Array
+    weights: FloatArray
+    means: FloatArray
+    spreads: FloatArray
 
     @property
     def mean(self) -> float:
@@ -91,10 +90,10 @@ class Approach:
 
     start: float
     now: float
-    taus: Array
-    weights: Array
-    means: Array
-    covariances: Array
+    taus: FloatArray
+    weights: FloatArray
+    means: FloatArray
+    covariances: FloatArray
     noise: float
     scatter: float
     worth: float
@@ -106,7 +105,7 @@ class Approach:
         free = max(self.worth - 5.0, 3.0)
         return float(np.sqrt(free / (free - 2.0)))
 
-    def _terms(self, at: float) -> Array:
+    def _terms(self, at: float) -> FloatArray:
         """Return what multiplies the terms (parts, terms) at a time; infinity for the end. [K per term]"""
         fall = np.zeros(self.taus.shape) if np.isinf(at) else np.exp(-(at - self.now) / self.taus)
         columns = [np.ones((self.taus.shape[0], 1)), fall]
@@ -125,7 +124,7 @@ class Approach:
         variances = variances + self.noise**2 + (self.scatter**2 if reading else 0.0)
         return Mixture(self.weights, means, np.sqrt(variances))
 
-    def rate(self, time: float) -> Array:
+    def rate(self, time: float) -> FloatArray:
         """Return the drift that each part expects at a later time (parts,). [K/s]"""
         fall = np.exp(-(time - self.now) / self.taus) / self.taus
         return np.asarray(-np.einsum("pm,pm->p", fall, self.means[:, 1 : 1 + self.taus.shape[1]]))
@@ -149,16 +148,16 @@ class Reference:
     memo : Memo                         It behind time constants.
     """
 
-    times: Array
-    values: Array
+    times: FloatArray
+    values: FloatArray
     last: float
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
-    def filtered(self, tau: float) -> Array:
+    def filtered(self, tau: float) -> FloatArray:
         """Return it behind one time constant (samples,), straight between samples. [K]"""
         return self.memo.made(tau, lambda: self._filter(tau))
 
-    def _filter(self, tau: float) -> Array:
+    def _filter(self, tau: float) -> FloatArray:
         out = np.empty(self.values.size)
         out[0] = self.values[0]
         for k in range(1, self.values.size):
@@ -168,18 +167,18 @@ class Reference:
             out[k] = self.values[k] - slope * tau + (out[k - 1] - self.values[k - 1] + slope * tau) * keep
         return out
 
-    def later(self, taus: Array, fall: Array) -> Array:
+    def later(self, taus: FloatArray, fall: FloatArray) -> FloatArray:
         """Return what it still gives at a later time (parts, modes), its last level held. [K]"""
         ends = np.vectorize(lambda tau: self.filtered(float(tau))[-1])(taus) * fall
         return _gains(ends)
 
 
 def approach(
-    times: Array,
-    kelvin: Array,
+    times: FloatArray,
+    kelvin: FloatArray,
     slowest: float,
     known: Sequence[float] = (),
-    room: tuple[Array, Array] | None = None,
+    room: tuple[FloatArray, FloatArray] | None = None,
     bent: float = BENT,
 ) -> Approach:
     """Return what readings under constant conditions say about their end.
@@ -227,7 +226,7 @@ def approach(
     )
 
 
-def _medians(times: Array, kelvin: Array, begin: float) -> tuple[Array, Array, float]:
+def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[FloatArray, FloatArray, float]:
     """Return times and medians of bins, and the scatter of readings about them (by their median deviation). [s], [K], [K]"""
     late = times >= begin
     t, y = times[late], kelvin[late]
@@ -245,13 +244,13 @@ def _medians(times: Array, kelvin: Array, begin: float) -> tuple[Array, Array, f
     return axis, medians, float(np.median(np.abs(off)) / 0.6745)
 
 
-def _middle(values: Array) -> float:
+def _middle(values: FloatArray) -> float:
     """Return the mean of the middle half."""
     cut = values.size // 4
     return float(np.sort(values)[cut : values.size - cut].mean())
 
 
-def _reference(times: Array, kelvin: Array, axis: Array) -> Reference:
+def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Reference:
     """Return a reference on the axis of the medians, less its last level."""
     _, smooth, _ = _medians(times, kelvin, float(times[0]))
     points, _, _ = _medians(times, times, float(times[0]))
@@ -260,7 +259,7 @@ def _reference(times: Array, kelvin: Array, axis: Array) -> Reference:
     return Reference(grid, np.interp(grid, points, smooth) - last, last)
 
 
-def _pairs(span: float, slowest: float) -> Array:
+def _pairs(span: float, slowest: float) -> FloatArray:
     """Return pairs of time constants (pairs, 2), the slower one second. [s]"""
     fast = span * FASTEST
     top = max(slowest, 3.0 * fast)
@@ -269,7 +268,7 @@ def _pairs(span: float, slowest: float) -> Array:
     return np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
 
 
-def _design(axis: Array, now: float, taus: Array, room: Reference | None) -> Array:
+def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
     """Return the terms (bins, terms): a constant, the exponentials, the reference behind each time constant."""
     columns = [np.ones(axis.size), *(np.exp(-(axis - now) / tau) for tau in taus)]
     if room is not None:
@@ -278,13 +277,13 @@ def _design(axis: Array, now: float, taus: Array, room: Reference | None) -> Arr
     return np.column_stack(columns)
 
 
-def _gains(behind: Array) -> Array:
+def _gains(behind: FloatArray) -> FloatArray:
     """Return what gains multiply (..., modes): the mean of the reference behind all time constants, and each other's difference from it."""
     mean = behind.mean(axis=1)
     return np.column_stack([mean, *(behind[:, k] - mean for k in range(1, behind.shape[1]))])
 
 
-def _ridge(x: Array, y: Array, scale: float, modes: int, size: float) -> tuple[Array, Array, Array, float]:
+def _ridge(x: FloatArray, y: FloatArray, scale: float, modes: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return means and covariance of the terms, what is left of the readings, and the log of the evidence.
 
     Before any reading, the end lies within a few times the change seen, each amplitude (at the beginning of the readings) within once that

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds, seconds
-from thermid.measure.record.channel import Channel, stretch, within_log
+from thermid.measure.record.channel import BoolArray, FloatArray, stretch, within_log
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule, resolution_of, rule_of
 from thermid.model.tree.model import Model
@@ -21,7 +20,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.steadiness.approach import Approach, Mixture, approach
 
-Array = NDArray[np.float64]
 FEWEST: Final = 40
 """Readings below which nothing is forecast."""
 SHORTEST: Final = 0.1
@@ -262,7 +260,7 @@ def forecast(
     )
 
 
-def _readings(record: Record, name: str, inside: NDArray[np.bool_], level: float) -> tuple[Array, Array]:
+def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tuple[FloatArray, FloatArray]:
     """Return the readings of a stretch. [s], [K]"""
     given, where = record.channel(name), f"{record.name}, {name}"
     if given.quantity != "temperature":
@@ -282,14 +280,9 @@ def _only(record: Record) -> str:
     ------
     RecordError   When there are several, or none.
     """
-    names = [c.name for c in record.channels.values() if _measured(c)]
-    if len(names) != 1:
-        raise RecordError(f"say which channel: {', '.join(names) or 'there is no temperature'}.", record.name)
-    return names[0]
-
-
-def _measured(channel: Channel) -> bool:
-    return channel.quantity == "temperature" and channel.role != "boundary"
+    if len(record.measured) != 1:
+        raise RecordError(f"say which channel: {', '.join(record.measured) or 'there is no temperature'}.", record.name)
+    return record.measured[0]
 
 
 def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]:

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.measure.amounts import duration_text, positive_seconds
-from thermid.measure.record.channel import stretch, within_log
+from thermid.measure.record.channel import FloatArray, stretch, within_log
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import (
     SURE,
@@ -36,7 +35,6 @@ from thermid.simulation.solution import Solution
 from thermid.steadiness.approach import approach
 from thermid.steadiness.forecast import FEWEST, GUARD, REACH
 
-Array = NDArray[np.float64]
 SHORT: Final = 60.0
 """Window of a rule that names none, on a simulated trace. [s]"""
 
@@ -242,7 +240,7 @@ def _of_record(
     within_log(record, at, f"{record.name}, stability")
     inside, _ = stretch(record, since, at, f"{record.name}, stability")
     times = record.times[inside]
-    asked = names or tuple(c.name for c in record.channels.values() if c.quantity == "temperature" and c.role != "boundary")
+    asked = names or tuple(record.measured)
     if not asked:
         raise RecordError("it has no temperature to ask about.", record.name)
     begin, end = float(times[0]), float(times[-1])
@@ -272,7 +270,7 @@ def _rate_times(c: ChannelStability, tau: float) -> Remaining:
     return Remaining(value, value - error, value + error, f"rate times a time constant of {duration_text(tau)}")
 
 
-def _by_readings(times: Array, kelvin: Array, room: tuple[Array, Array] | None) -> Remaining:
+def _by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
     """Return what the readings themselves say of the change to come. [K]"""
     found = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room, bent=GUARD)
     now, end = found.at(found.now).mean, found.at(float("inf"))
@@ -285,30 +283,29 @@ def _of_solution(
     begin = 0.0 if since == "start" else positive_seconds(since, "since")
     end = float(run.times[-1]) if at == "end" else positive_seconds(at, "at")
     slow = tau if tau is not None else next((float(t) for t in run.time_constants if np.isfinite(t)), None)
-    if rule.stored:
-        stored, found = _stored_in_run(run, rule, begin, end, unit)
-        left = {n: _rate_times(c, slow) for n, c in found.items()} if slow is not None else {}
-        return Stability(f"{run.title}, {run.scenario}", rule, end, found, left, {}, slow, stored)
     window = rule.window or SHORT
     if end - window < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
         raise RecordError(
             f"'{rule.name}' looks back over {duration_text(window)} from {end:g} s, and the run does not hold that.", run.title
         )
-    boundaries = {n for n in run.nodes if n in run._run.network.boundaries}
-    asked = names or tuple(n for n in run.nodes if n not in boundaries)
-    found = {}
-    for name in asked:
-        trace = run[name]
-        inside = (trace.times >= end - window) & (trace.times <= end)
-        seen = np.concatenate([trace.at(np.array([end - window, end])), trace.celsius[inside]])
-        rate = float(seen[1] - seen[0]) / window
-        moved = float(seen.max() - seen.min()) / window
-        verdict = "stable" if moved <= rule.rate * (1.0 + 1e-9) else "not stable"
-        found[name] = ChannelStability(
-            name, rate if rule.window == 0.0 or abs(rate) >= moved else moved, 0.0, end - window, end, seen.size - 2, verdict
-        )
-    left = {n: _rate_times(c, slow) for n, c in found.items()} if slow is not None else {}
-    return Stability(f"{run.title}, {run.scenario}", rule, end, found, left, {}, slow)
+    stored = None
+    if rule.stored:
+        stored, states = _stored_in_run(run, rule, end - window, end, unit)
+    else:
+        nodes = names or tuple(n for n in run.nodes if n not in run._run.network.boundaries)
+        states = {n: _moved(run, n, rule, end - window, end) for n in nodes}
+    remaining = {n: _rate_times(c, slow) for n, c in states.items()} if slow is not None else {}
+    return Stability(f"{run.title}, {run.scenario}", rule, end, states, remaining, {}, slow, stored)
+
+
+def _moved(run: Solution, node: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
+    """Return how far a simulated node moved within a window, by a rule on the rate."""
+    trace, window = run[node], end - start
+    inside = (trace.times >= start) & (trace.times <= end)
+    course = np.concatenate([trace.at(np.array([start, end])), trace.celsius[inside]])
+    rate, span = float(course[1] - course[0]) / window, float(np.ptp(course)) / window
+    verdict = "stable" if span <= rule.rate * (1.0 + 1e-9) else "not stable"
+    return ChannelStability(node, rate if rule.window == 0.0 or abs(rate) >= span else span, 0.0, start, end, course.size - 2, verdict)
 
 
 def _capacities(run: Solution, unit: str) -> dict[str, float]:
@@ -341,26 +338,19 @@ def _power(run: Solution, unit: str, start: float, end: float) -> float:
     return power
 
 
-def _stored_in_run(
-    run: Solution, rule: StabilityRule, begin: float, end: float, unit: str = ""
-) -> tuple[Stored, dict[str, ChannelStability]]:
-    """Return what a simulated unit still takes up at a time, and the rate of every node.
+def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float, unit: str) -> tuple[Stored, dict[str, ChannelStability]]:
+    """Return what a simulated unit takes up over a window, and the rate of every node.
 
     Raises
     ------
-    RecordError   When the run is too short, or the unit has no power.
+    RecordError   When the unit has no power.
     """
-    start = end - SHORT
-    if start < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
-        raise RecordError(
-            f"'{rule.name}' looks back over {duration_text(SHORT)} from {end:g} s, and the run does not hold that.", run.title
-        )
-    held = _capacities(run, unit)
-    rates = {n: float(np.diff(run[n].at(np.array([start, end])))[0]) / SHORT for n in held}
-    nodes = {n: c * rates[n] for n, c in held.items()}
+    capacities = _capacities(run, unit)
+    rates = {n: float(np.diff(run[n].at(np.array([start, end])))[0]) / (end - start) for n in capacities}
+    nodes = {n: c * rates[n] for n, c in capacities.items()}
     watts, power = sum(nodes.values()), _power(run, unit, start, end)
-    found = Stored(watts, 0.0, power, start, end, verdict_of(watts, 0.0, rule.rate * power), nodes)
-    return found, {n: ChannelStability(n, rate, 0.0, start, end, 2, "") for n, rate in rates.items()}
+    stored = Stored(watts, 0.0, power, start, end, verdict_of(watts, 0.0, rule.rate * power), nodes)
+    return stored, {n: ChannelStability(n, rate, 0.0, start, end, 2, "") for n, rate in rates.items()}
 
 
 def _stored_in_log(

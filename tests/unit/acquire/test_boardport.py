@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
-from thermid.acquire.board import Board
-from thermid.acquire.boardport import BoardPort
-from thermid.acquire.demo import simulated
+from thermid.acquire.board import Board, BoardPort, simulated
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.programme import Programme
 from thermid.errors import RecordError

@@ -16,7 +16,7 @@ from thermid.fit.problem import request as room
 from thermid.fit.problem.request import LocalSpec, Reading, Request, ingredients_of, key_for
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 

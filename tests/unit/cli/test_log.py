@@ -98,9 +98,9 @@ def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Pa
 
 @pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
+    from pseudo_terminal import Terminal
     from thermid.acquire.board import Board
     from thermid.acquire.port import Port
-    from thermid.acquire.terminal import Terminal
 
     with Terminal(Board(lambda t, d: [20.0], 1)) as terminal:
         held = Port(terminal.port)

@@ -19,7 +19,7 @@ from thermid.fit.uncertainty.information import responses
 from thermid.judge.verdict import compare
 from thermid.measure import Record
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}

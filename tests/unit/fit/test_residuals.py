@@ -15,7 +15,7 @@ from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5

@@ -15,7 +15,7 @@ from thermid import _kernel
 from thermid.errors import NameNotFoundError, ScenarioError, UnitError
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.laws.signal import Table
-from thermid.simulation.many import assemble_members
+from thermid.simulation.members import assemble_members
 
 TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=5e-8)
 DECK: dict[str, Any] = {

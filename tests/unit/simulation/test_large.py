@@ -12,7 +12,7 @@ import thermid as td
 from thermid.errors import SolverError
 from thermid.model.laws.signal import Table
 from thermid.simulation.simulator import prepare
-from thermid.simulation.solver import large_model, large_steady
+from thermid.simulation.solver import large_steady, problem
 
 from .large_cases import CELLS, NODES, warm_block, warming_room
 
@@ -48,7 +48,7 @@ def ends(**more: Any) -> td.Scenario:
 def test_many_nodes_are_run_as_a_large_network_and_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     small = td.simulate(chain(40), ends())
     assert small.statistics["method"] not in LARGE
-    monkeypatch.setattr(large_model, "LARGE_FROM", 40)
+    monkeypatch.setattr(problem, "LARGE_FROM", 40)
     run = td.simulate(chain(40), ends(), options=td.Options(large_tolerance=1e-6))
     assert run.statistics["method"] in LARGE
     np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
@@ -130,7 +130,7 @@ def test_massless_nodes_are_solved_with_the_others() -> None:
     ],
 )
 def test_what_large_networks_cannot_do_is_left_or_refused(monkeypatch: pytest.MonkeyPatch, more: dict[str, Any], words: str) -> None:
-    monkeypatch.setattr(large_model, "LARGE_FROM", 5)
+    monkeypatch.setattr(problem, "LARGE_FROM", 5)
     model = chain(6, **more)
     assert td.simulate(model, ends()).statistics["method"] not in LARGE
     with pytest.raises(td.ThermidError, match=words):
@@ -138,7 +138,7 @@ def test_what_large_networks_cannot_do_is_left_or_refused(monkeypatch: pytest.Mo
 
 
 def test_sensitivities_are_left_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(large_model, "LARGE_FROM", 5)
+    monkeypatch.setattr(problem, "LARGE_FROM", 5)
     run = prepare(chain(6), ends(), ["g0.conductance"]).run(sensitivities=True)
     assert np.abs(run.sensitivity("n0", "g0.conductance")).max() > 0
     with pytest.raises(td.ThermidError, match="sensitivities"):
@@ -165,7 +165,7 @@ def test_steady_states_of_a_block_and_its_model_agree(monkeypatch: pytest.Monkey
 
 def test_steady_states_of_many_nodes_take_the_sparse_way(monkeypatch: pytest.MonkeyPatch) -> None:
     dense = td.steady(massless(), ends())
-    monkeypatch.setattr(large_model, "LARGE_FROM", 5)
+    monkeypatch.setattr(problem, "LARGE_FROM", 5)
     sparse = td.steady(massless(), ends())
     assert sparse == pytest.approx(dense, abs=1e-6)
 

@@ -26,7 +26,7 @@ from thermid.model.tree.identity import definition_of, local_identities
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 from thermid.units import TEMPERATURE, unit
 
 FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)

@@ -15,8 +15,8 @@ from thermid.errors import SolverError
 from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.memo import Memo
-from thermid.simulation.solver.engine import Engine, Options
-from thermid.simulation.solver.squares import Squares, Weighing
+from thermid.simulation.solver.engine import Engine, Squares, Weighing
+from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.traces import Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
 

@@ -20,7 +20,7 @@ from thermid.knowledge.store import State
 from thermid.knowledge.values import rooted
 from thermid.linear_algebra import covariance, rank
 from thermid.model.tree.tree import ParameterSet
-from thermid.simulation.solver.engine import Options
+from thermid.simulation.solver.problem import Options
 
 Array = NDArray[np.float64]
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)

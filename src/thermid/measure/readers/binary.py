@@ -17,8 +17,11 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.errors import MissingDataError, RecordError
+from thermid.errors import MissingDataError, RecordError, UnitError
+from thermid.measure.readers.columns import spelt
 from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
+from thermid.units import require
+from thermid.units import unit as parsed_unit
 
 OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 """Signature of Microsoft's compound files, such as .xls."""
@@ -102,8 +105,7 @@ def _beginning(groups: Iterator[Mapping[str, Any]]) -> datetime | None:
 
 def _moment(value: Any) -> datetime:
     """Return an instant of numpy or of a TDMS property. [UTC]"""
-    plain: datetime = np.datetime64(value, "us").astype(datetime)
-    return plain
+    return cast("datetime", np.datetime64(value, "us").astype(datetime))
 
 
 def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[ChannelSeries]:
@@ -259,31 +261,14 @@ def _clock_texts(times: Any, unit: str, name: str, kind: str) -> tuple[tuple[str
 
 def _since(values: Any, since: re.Match[str], name: str) -> tuple[tuple[str, ...], str, str | None, str]:
     """Return times since a date, as netCDF's conventions write them, from the first one."""
-    unit, stamp = _CF.get(since["unit"].lower(), since["unit"]), since["stamp"].strip().removesuffix("UTC").strip()
+    unit, stamp = spelt(since["unit"]), since["stamp"].strip().removesuffix("UTC").strip()
     try:
-        first = datetime.fromisoformat(stamp) + timedelta(seconds=float(values[0]) * _SECONDS[unit])
-    except (ValueError, KeyError):
+        of = parsed_unit(unit)
+        require(of.dimension, "s", unit)
+        first = datetime.fromisoformat(stamp) + timedelta(seconds=float(values[0]) * float(of.factor))
+    except (ValueError, UnitError):
         return tuple(repr(v) for v in values.tolist()), unit, stamp, name
     return tuple(repr(v) for v in (values - values[0]).tolist()), unit, first.isoformat(), name
-
-
-_SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
-_CF: Final = {
-    "seconds": "s",
-    "second": "s",
-    "sec": "s",
-    "minutes": "min",
-    "minute": "min",
-    "hours": "h",
-    "hour": "h",
-    "days": "d",
-    "day": "d",
-} | {
-    "milliseconds": "ms",
-    "millisecond": "ms",
-    "microseconds": "us",
-    "nanoseconds": "ns",
-}
 
 
 def hdf5(data: bytes, file: str, separator: str | None) -> Cells:

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure.amounts import amount
-from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.record.channel import SAMPLES
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
@@ -102,24 +101,6 @@ def _one(key: str, given: object, where: str) -> Binding:
     return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
 
 
-def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
-    """Return the place of a column, asked for by its header as written or by the name before its unit.
-
-    Raises
-    ------
-    NameNotFoundError   When there is none.
-    RecordError         When there are several.
-    """
-    hits = [at for at, name in enumerate(header) if name == wanted] or [
-        at for at, name in enumerate(header) if name_and_unit(name)[0] == wanted
-    ]
-    if not hits:
-        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
-    if len(hits) > 1:
-        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
-    return hits[0]
-
-
 def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
     """Return the unit of a column and what it measures.
 
@@ -198,11 +179,6 @@ def _known(text: str) -> bool:
     except ThermidError:
         return False
     return True
-
-
-def sd(given: str | float | None, of_unit: str, quantity: str, what: str) -> float | None:
-    """Return a standard deviation or resolution of a channel; a difference where the channel is a temperature [SI]."""
-    return None if given is None else amount(given, "K" if quantity == "temperature" else of_unit, what)
 
 
 def channel_schema() -> dict[str, Any]:

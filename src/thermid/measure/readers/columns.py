@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import RecordError
+from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.measure.readers.textfile import MISSING, Cells
 from thermid.measure.record.channel import FloatArray
 
@@ -40,10 +40,16 @@ _SPELT: Final = {
     "msec": "ms",
     "millis": "ms",
     "milliseconds": "ms",
+    "millisecond": "ms",
+    "microseconds": "us",
+    "nanoseconds": "ns",
+    "minute": "min",
     "minutes": "min",
     "hr": "h",
     "hrs": "h",
+    "hour": "h",
     "hours": "h",
+    "day": "d",
     "days": "d",
     "pct": "%",
     "percent": "%",
@@ -113,6 +119,24 @@ _SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us",
 """Units that are taken for one after an underscore; others there, such as C, F, min and h, may be a word's first letter."""
 
 
+def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
+    """Return the place of a column, asked for by its header as written or by the name before its unit.
+
+    Raises
+    ------
+    NameNotFoundError   When there is none.
+    RecordError         When there are several.
+    """
+    hits = [at for at, name in enumerate(header) if name == wanted] or [
+        at for at, name in enumerate(header) if name_and_unit(name)[0] == wanted
+    ]
+    if not hits:
+        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
+    if len(hits) > 1:
+        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
+    return hits[0]
+
+
 def decimal_sign(cells: Cells, given: str | None) -> str:
     """Return '.' or ',': as given, or the one that the numbers of the file use.
 
@@ -166,3 +190,8 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
         elif word.lower() not in MISSING and word.lower().lstrip("+-") != "nan":
             return row
     return out
+
+
+def kelvin_sized(values: FloatArray) -> bool:
+    """Whether readings (samples,) would all be hot in degC and usual in kelvin: -50 to 127 degC."""
+    return bool(values.size and values.min() >= 223.0 and values.max() <= 400.0)

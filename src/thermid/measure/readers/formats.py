@@ -69,49 +69,49 @@ def serial_capture(text: str, file: str) -> Cells:
     lines = [(number, match) for number, line in enumerate(text.split("\n"), 1) if (match := _LINE.match(line.rstrip()))]
     passed = sum(bool(line.strip()) for line in text.split("\n")) - len(lines)
     for mark in (",", ";", "\t"):
-        kept = _columns(lines, mark)
-        if kept is not None:
-            body = "".join(f"{stamp}{mark}{rest}\n" for stamp, rest in kept[1])
-            cells = cells_of_text(f"time{mark}{kept[0]}\n{body}", file, mark)
-            left = len(lines) - len(kept[1]) - 1 + passed
-            return _of(cells, [number for number, _ in kept[2]], left, file)
+        names, rows = _columns(lines, mark)
+        if rows:
+            body = "".join(f"{match['stamp']}{mark}{match['text']}\n" for _, match in rows)
+            cells = cells_of_text(f"time{mark}{names}\n{body}", file, mark)
+            numbers = [number for number, _ in rows][: len(cells.lines)]
+            return _captured(cells.header, cells.columns, numbers, len(lines) - len(rows) - 1 + passed, file, cells.layout.separator)
     return _pairs(lines, passed, file)
 
 
-def _of(cells: Cells, numbers: list[int], left: int, file: str) -> Cells:
-    notes = (f"{left} lines of the capture hold no samples and were passed over",) if left > 0 else ()
-    layout = Layout("serial capture", "", cells.layout.separator)
-    return Cells(file, cells.header, cells.columns, numbers[: len(cells.lines)], notes, time="time", layout=layout)
+def _captured(
+    header: tuple[str, ...], columns: list[tuple[str, ...]], numbers: list[int], others: int, file: str, separator: str = ""
+) -> Cells:
+    """Return the cells of a capture, with a note on lines that hold no samples."""
+    notes = (f"{others} lines of the capture hold no samples and were passed over",) if others > 0 else ()
+    return Cells(file, header, columns, numbers, notes, time="time", layout=Layout("serial capture", "", separator))
 
 
-Kept = tuple[str, list[tuple[str, str]], list[tuple[int, str]]]
+Lines = list[tuple[int, re.Match[str]]]
 
 
-def _columns(lines: list[tuple[int, re.Match[str]]], mark: str) -> Kept | None:
-    """Return the header and the lines of samples where most lines hold as many numbers divided by a mark."""
+def _columns(lines: Lines, mark: str) -> tuple[str, Lines]:
+    """Return the header and the lines of samples where most lines hold as many numbers divided by a mark; no lines where they do not."""
     split = [match["text"].split(mark) for _, match in lines]
+    numeric = [any(is_number(cell) for cell in row) for row in split]
     widths = Counter(len(row) for row in split if len(row) > 1 and sum(is_number(cell) for cell in row) >= 0.5 * len(row))
-    if not widths:
-        return None
-    width, count = widths.most_common(1)[0]
+    width, count = widths.most_common(1)[0] if widths else (0, 0)
     if count < max(2, 0.25 * len(lines)):
-        return None
-    first = next(k for k, row in enumerate(split) if len(row) == width and any(is_number(cell) for cell in row))
-    above = [row for row in split[:first] if len(row) == width and not any(is_number(cell) for cell in row)]
+        return "", []
+    rows = [k for k, row in enumerate(split) if len(row) == width and numeric[k]]
+    above = [row for k, row in enumerate(split[: rows[0]]) if len(row) == width and not numeric[k]]
     names = above[-1] if above else [f"value {k}" for k in range(1, width + 1)]
-    rows = [k for k in range(first, len(split)) if len(split[k]) == width and any(is_number(c) for c in split[k])]
-    return mark.join(names), [(lines[k][1]["stamp"], lines[k][1]["text"]) for k in rows], [(lines[k][0], "") for k in rows]
+    return mark.join(names), [lines[k] for k in rows]
 
 
-def _pairs(lines: list[tuple[int, re.Match[str]]], passed: int, file: str) -> Cells:
+def _pairs(lines: Lines, passed: int, file: str) -> Cells:
     """Return the cells of lines such as ``T1: 23.50 C  T2: 24.06 C``; lines of one cycle that name other channels are one row."""
     rows: list[tuple[int, str, dict[str, str]]] = []
     units: dict[str, str] = {}
-    left = passed
+    others = passed
     for number, match in lines:
         pairs = list(_PAIR.finditer(match["text"]))
         if not pairs:
-            left += 1
+            others += 1
             continue
         values = {pair["name"].strip(): pair["value"] for pair in pairs}
         for pair in pairs:
@@ -128,13 +128,7 @@ def _pairs(lines: list[tuple[int, re.Match[str]]], passed: int, file: str) -> Ce
         )
     columns = [tuple(stamp for _, stamp, _ in rows), *(tuple(values.get(name, "") for _, _, values in rows) for name in usual)]
     header = ("time", *(f"{name} [{units[name]}]" if units[name] else name for name in usual))
-    notes = (f"{left} lines of the capture hold no samples and were passed over",) if left > 0 else ()
-    return Cells(file, header, columns, [number for number, _, _ in rows], notes, time="time", layout=Layout("serial capture", ""))
-
-
-def is_labview(head: str) -> bool:
-    """Whether a text begins as a LabVIEW measurement file."""
-    return head.startswith("LabVIEW Measurement")
+    return _captured(header, columns, [number for number, _, _ in rows], others, file)
 
 
 def labview(text: str, file: str) -> Cells:
@@ -263,11 +257,6 @@ def _number(text: str) -> float:
     return float(text.strip().replace(",", ".") or "nan") if is_number(text) else float("nan")
 
 
-def is_influx(head: str) -> bool:
-    """Whether a text begins as an annotated CSV of InfluxDB."""
-    return head.startswith(("#datatype,", "#group,", "#default,"))
-
-
 def influx(text: str, file: str) -> Cells:
     """Return the cells of an annotated CSV: tables one after the other, each with annotations and a header of its own.
 
@@ -373,7 +362,7 @@ def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: s
         raise RecordError("there is a header and no samples below it.", file)
     out = []
     every = [stamp for _, stamps, _ in series.values() for stamp in stamps]
-    axis, _ = stamp_seconds(every, file)
+    axis = stamp_seconds(every, file)
     begin = 0
     for name, (texts, stamps, lines) in series.items():
         own = axis[begin : begin + len(stamps)].tolist()
@@ -487,6 +476,11 @@ def _head(data: bytes) -> str:
     return data.decode("latin-1").removeprefix("\xef\xbb\xbf")
 
 
+def _begins(*words: str) -> Callable[[bytes], bool]:
+    """Return whether the first bytes of a file begin a text with one of some words."""
+    return lambda data: _head(data).startswith(words)
+
+
 def is_bench_log(data: bytes) -> bool:
     """Whether the first bytes of a file are those of a log of the bench."""
     head = data[:4096]
@@ -517,8 +511,15 @@ FORMATS: Final = (
     Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.hdf5, "h5py"),
     Format("workbook", "a zip archive with xl/ or content.xml", binary.is_workbook, binary.workbook, "python-calamine"),
     Format("workbook of old Excel", "its signature", lambda d: d[:8] == binary.OLD_OFFICE, binary.workbook, "python-calamine"),
-    Format("LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: is_labview(_head(d)), _text(labview)),
-    Format("InfluxDB annotated CSV", "#datatype or #group before a header", lambda d: is_influx(_head(d)), _text(influx)),
+    Format(
+        "LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: _head(d).startswith("LabVIEW Measurement"), _text(labview)
+    ),
+    Format(
+        "InfluxDB annotated CSV",
+        "#datatype or #group before a header",
+        lambda d: _head(d).startswith(("#datatype,", "#group,", "#default,")),
+        _text(influx),
+    ),
     Format("serial capture", "stamps with -> before each line", lambda d: is_capture(_head(d)), _text(serial_capture)),
     Format("text", "anything else that is text: columns divided by commas, semicolons or tabs", lambda d: True, _plain),
 )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.measure.readers.columns import name_and_unit, numbers
+from thermid.measure.readers.columns import kelvin_sized, name_and_unit, numbers
 from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import BoolArray, FloatArray
 from thermid.units import DIMENSIONLESS, describe, unit
@@ -26,7 +26,6 @@ _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|nu
 _CODES: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
 _OVERLOAD: Final = 1e6
 """A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
-_KELVIN_SIZED: Final = (223.0, 400.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +59,7 @@ class Column:
     @property
     def good(self) -> BoolArray:
         """Where a reading is one (samples,)."""
-        out: BoolArray = np.isfinite(self.values) & (np.abs(self.values) < _OVERLOAD) & ~_coded(self.values, self.guess)
-        return out
+        return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < _OVERLOAD) & ~_coded(self.values, self.guess))
 
 
 def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Column]:
@@ -84,17 +82,8 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
             out.append(Column(header, name, text or "", False, "ignored", f"text, such as '{cells.columns[at][parsed].strip()[:20]}'"))
             continue
         guess, unit_text, why = _guess(name, text, parsed)
-        column = Column(
-            header,
-            name,
-            unit_text,
-            text is None and bool(unit_text) and "ends in" not in why,
-            guess,
-            why,
-            parsed,
-            int(np.isnan(parsed).sum()),
-        )
-        out.append(_with_faults(column))
+        assumed = text is None and bool(unit_text) and "ends in" not in why
+        out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))
     return out
 
 
@@ -138,22 +127,20 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     if _DUTY.search(name):
         return "duty", "%", "by its name"
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
-        hot = _KELVIN_SIZED[0] <= known.min() and known.max() <= _KELVIN_SIZED[1]
+        hot = kelvin_sized(known)
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
     return "ignored", "", "no unit, and its name says nothing"
 
 
 def _coded(values: FloatArray, guess: str) -> BoolArray:
-    out: BoolArray = np.isin(values, list(_CODES)) & (guess in ("temperature", "boundary"))
-    return out & _alone(values)
+    return np.asarray(np.isin(values, list(_CODES)) & (guess in ("temperature", "boundary")) & _alone(values))
 
 
 def _alone(values: FloatArray) -> BoolArray:
     """Whether a sample lies 5 or more away from the usual of the column: 85 is a fault in a log at 20 and none in one at 84."""
     known = values[np.isfinite(values) & (np.abs(values) < _OVERLOAD)]
     usual = float(np.median(known)) if known.size else 0.0
-    out: BoolArray = np.abs(values - usual) > 5.0
-    return out
+    return np.asarray(np.abs(values - usual) > 5.0)
 
 
 def _with_faults(column: Column) -> Column:
@@ -173,4 +160,4 @@ def _with_faults(column: Column) -> Column:
         steps = np.abs(np.diff(values[good]))
         usual = max(float(np.quantile(steps, 0.9)), 0.25)
         jumps = good[1:][steps > 8.0 * usual]
-    return Column(column.header, column.name, column.unit, column.assumed, column.guess, column.why, values, column.missing, faults, jumps)
+    return replace(column, faults=faults, jumps=jumps)

@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import RecordError
-from thermid.measure.readers.bindings import Binding, bindings, find_column, full_scale, sd, unit_and_quantity
-from thermid.measure.readers.columns import decimal_sign, name_and_unit, numbers
+from thermid.measure.amounts import amount
+from thermid.measure.readers.bindings import Binding, bindings, full_scale, unit_and_quantity
+from thermid.measure.readers.columns import decimal_sign, find_column, kelvin_sized, name_and_unit, numbers
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
-from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
-from thermid.measure.record.export import from_unit
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, from_unit, with_sensor
 from thermid.measure.record.record import Record
 
 OVERLOAD: Final = 9.9e36
@@ -143,16 +143,14 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         )
     samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
     stated = binding.unit is not None or header_unit is not None
-    if quantity == "temperature" and not stated:
-        _refuse_kelvin(samples, binding.name, where)
-    if quantity == "power" and not stated and watts is None:
-        _refuse_per_cent(samples, binding.name, where)
+    if not stated and watts is None:
+        _refuse_by_size(samples, quantity, binding.name, where)
     scale = 1.0 if watts is None else watts
+    difference = "K" if quantity == "temperature" else unit_text
 
     def size(given: str | float | None, word: str) -> float | None:
         """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
-        plain = sd(given, unit_text, quantity, f"{where}, {word}")
-        return None if plain is None else plain * scale
+        return None if given is None else amount(given, difference, f"{where}, {word}") * scale
 
     made = Channel.of(
         binding.name,
@@ -173,23 +171,18 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
     return _masked(made, cells.reasons.get(column, {}))
 
 
-def _refuse_kelvin(samples: FloatArray, name: str, where: str) -> None:
-    """Refuse readings without a unit that would all be hot in degC and usual in kelvin."""
-    known = samples[np.isfinite(samples)]
-    if known.size and 223.0 <= known.min() and known.max() <= 400.0:
+def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -> None:
+    """Refuse readings without a unit that look like kelvin, and powers without one that run from 0 to exactly 100, as per cent do."""
+    finite = samples[np.isfinite(samples)]
+    if quantity == "temperature" and kelvin_sized(finite):
         raise RecordError(
-            f"its readings, {known.min():.1f} .. {known.max():.1f}, look like kelvin, and without a unit they would be read in degC. "
+            f"its readings, {finite.min():.1f} .. {finite.max():.1f}, look like kelvin, and without a unit they would be read in degC. "
             f"Give units={{'{name}': 'K'}} or 'degC'; in a campaign, unit = \"K\" of the channel.",
             where,
         )
-
-
-def _refuse_per_cent(samples: FloatArray, name: str, where: str) -> None:
-    """Refuse a power without a unit that runs from 0 to exactly 100, as per cent do."""
-    known = samples[np.isfinite(samples)]
-    if known.size and known.min() >= 0.0 and known.max() == 100.0 and np.all(known == np.round(known)):
+    if quantity == "power" and finite.size and finite.min() >= 0.0 and finite.max() == 100.0 and np.all(finite == np.round(finite)):
         raise RecordError(
-            f"its readings, {known.min():g} .. 100, look like per cent of a heater, and without a unit they would be read in W. "
+            f"its readings, {finite.min():g} .. 100, look like per cent of a heater, and without a unit they would be read in W. "
             f"Give units={{'{name}': 'W'}} if they are watts; else full_scale = '... [W]' of the channel, or gain.",
             where,
         )

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ThermidError
 from thermid.measure.amounts import duration_text
-from thermid.measure.readers.columns import name_and_unit, numbers
+from thermid.measure.readers.columns import find_column, name_and_unit, numbers
 from thermid.measure.readers.textfile import MISSING, Cells
 from thermid.measure.record.channel import FloatArray
 from thermid.units import require, unit
@@ -115,7 +115,7 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     names = [name_and_unit(header)[0] for header in cells.header]
     dates, clocks = _kinds(cells)
     if wanted is not None:
-        at = _place(cells.header, names, wanted, f"{cells.file}, time")
+        at = find_column(cells.header, wanted, f"{cells.file}, time")
     elif cells.time:
         at = names.index(cells.time)
     else:
@@ -125,15 +125,6 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     if at in dates and len(clocks) == 1:
         return _joined(cells, names, at, clocks[0])
     return Clock((at,), names[at], cells.header[at], cells.columns[at], name_and_unit(cells.header[at])[1])
-
-
-def _place(header: tuple[str, ...], names: list[str], wanted: str, where: str) -> int:
-    hits = [at for at, name in enumerate(header) if name == wanted] or [at for at, name in enumerate(names) if name == wanted]
-    if not hits:
-        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
-    if len(hits) > 1:
-        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
-    return hits[0]
 
 
 def _joined(cells: Cells, names: list[str], date: int, clock: int) -> Clock:
@@ -204,10 +195,7 @@ def _rises(cells: Cells, at: int) -> bool:
 
 
 def _since_1970(cells: Cells, at: int) -> bool:
-    if not _numeric(cells, at):
-        return False
-    first = float(cells.columns[at][0].replace(",", "."))
-    return any(_SINCE_1970[0] * factor <= first <= _SINCE_1970[1] * factor for _, factor in _EPOCHS)
+    return _numeric(cells, at) and _epoch(float(cells.columns[at][0].replace(",", "."))) is not None
 
 
 def _counts(cells: Cells, at: int) -> bool:
@@ -264,14 +252,12 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     odd = np.flatnonzero(~np.isfinite(parsed))
     if odd.size:
         raise RecordError(f"'{clock.texts[odd[0]]}' is no time.", cells.where(int(odd[0]), name))
-    since = next((text for text, factor in _EPOCHS if _SINCE_1970[0] * factor <= parsed[0] <= _SINCE_1970[1] * factor), None)
+    since, factor = _epoch(float(parsed[0])) or (None, 1.0)
     if since is not None and unit_text in (None, since):
-        factor = dict(_EPOCHS)[since]
         start = datetime.fromtimestamp(float(parsed[0]) / factor, UTC).isoformat()
         # the difference is taken first: a float has no room for the nanoseconds of fifty years
-        values = (
-            np.array([int(t) - int(clock.texts[0]) for t in clock.texts]) / factor if _whole(clock.texts) else (parsed - parsed[0]) / factor
-        )
+        whole = all(each.strip().isdigit() for each in clock.texts)
+        values = (np.array([int(t) - int(clock.texts[0]) for t in clock.texts]) if whole else parsed - parsed[0]) / factor
         said = (f"times read as {since} since 1970, from {start}",) if since != "s" else ()
         return Times(values, start, said, f"{since} since 1970", "UTC")
     factor = _factor(cells, name, unit_text)
@@ -284,15 +270,8 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), unit_text or _unit_of_name(name))
-
-
-def _unit_of_name(name: str) -> str:
-    return "s" if name.lower().endswith(("_s", "seconds")) else "seconds, no unit in the log"
-
-
-def _whole(texts: Sequence[str]) -> bool:
-    return all(each.strip().isdigit() for each in texts)
+    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) else "seconds, no unit in the log")
+    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), kind)
 
 
 def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | None, given: bool) -> tuple[str, ...]:
@@ -347,38 +326,40 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
 
 def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
     """Return times that are stamps, from the first."""
-    column, first = clock.texts, clock.texts[0].strip()
+    first = clock.texts[0].strip()
     zone = zone_of_header(clock.header)
     if form is not None:
         return Times(_by_form(cells, clock, form), first, (), form, zone)
-    if CLOCK.match(first):
-        return Times(_clock_times(cells, column, clock.name), first, (), "clock times", zone)
-    if HALF_DAY_CLOCK.match(first):
-        return Times(
-            _past_midnight(np.array([_half_day(cells, clock, row) for row in range(len(column))])), first, (), "clock times, AM/PM", zone
-        )
+    for pattern, form_of, kind in ((CLOCK, "HH:MM:SS", "clock times"), (HALF_DAY_CLOCK, "with AM or PM", "clock times, AM/PM")):
+        if pattern.match(first):
+            return Times(_clock_times(cells, clock, pattern, form_of), first, (), kind, zone)
     if NUMERIC.match(first) and not is_iso(first):
         values, order, said = _by_order(cells, clock)
         return Times(values, first, said, order, zone or zone_of_stamp(first))
-    return Times(*_plain_stamps(cells, clock), zone=zone or zone_of_stamp(first))
+    return Times(_plain_stamps(cells, clock), first, (), "stamps", zone or zone_of_stamp(first))
 
 
-def stamp_seconds(texts: Sequence[str], file: str = "") -> tuple[FloatArray, str | None]:
-    """Return stamps or numbers of any known form as times on one axis, unsorted, and the decimal-free kind. [s]
+def stamp_seconds(texts: Sequence[str], file: str = "") -> FloatArray:
+    """Return stamps or numbers of any known form as times on one axis, unsorted. [s]
 
     Raises
     ------
     RecordError   When one is no time, or day and month cannot be told.
     """
     cells = Cells(file, ("time",), [tuple(texts)], list(range(1, len(texts) + 1)), ())
-    parsed = numbers(tuple(texts), ".")
     clock = Clock((0,), "time", "time", tuple(texts), None)
+    parsed = numbers(clock.texts, ".")
     if isinstance(parsed, np.ndarray):
-        since = next((factor for _, factor in _EPOCHS if _SINCE_1970[0] * factor <= parsed[0] <= _SINCE_1970[1] * factor), 1.0)
-        return parsed / since, None
+        epoch = _epoch(float(parsed[0]))
+        return parsed / (epoch[1] if epoch else 1.0)
     if NUMERIC.match(texts[0].strip()) and not is_iso(texts[0].strip()):
-        return _by_order(cells, clock, sort=True)[0], None
-    return _plain_stamps(cells, clock)[0], None
+        return _by_order(cells, clock, sort=True)[0]
+    return _plain_stamps(cells, clock)
+
+
+def _epoch(first: float) -> tuple[str, float] | None:
+    """Return the unit of time since 1970 that a number can be, and its number in a second; None where it can be none."""
+    return next(((text, factor) for text, factor in _EPOCHS if _SINCE_1970[0] * factor <= first <= _SINCE_1970[1] * factor), None)
 
 
 def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArray, str, tuple[str, ...]]:
@@ -454,69 +435,75 @@ def _form(text: str, order: str) -> str:
     return out + between + hours + (" %p" if match["half"] else "")
 
 
-def _clock_times(cells: Cells, column: tuple[str, ...], name: str) -> FloatArray:
+def _clock_times(cells: Cells, clock: Clock, form: re.Pattern[str], kind: str) -> FloatArray:
     """Return seconds from the first clock time; a step back of more than half a day passes midnight."""
-    out = np.empty(len(column))
-    for row, cell in enumerate(column):
-        match = CLOCK.match(cell.strip())
+    out = np.empty(len(clock.texts))
+    for row, cell in enumerate(clock.texts):
+        match = form.match(cell.strip())
         if match is None:
-            raise RecordError(f"'{cell}' is no clock time HH:MM:SS, as the first line has.", cells.where(row, name))
-        out[row] = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
+            raise RecordError(f"'{cell}' is no clock time {kind}, as the first line has.", cells.where(row, clock.name))
+        out[row] = _day_seconds(match[1], match[2], match[3], match[4] if form is HALF_DAY_CLOCK else None)
     return _past_midnight(out)
 
 
-def _half_day(cells: Cells, clock: Clock, row: int) -> float:
-    match = HALF_DAY_CLOCK.match(clock.texts[row].strip())
-    if match is None:
-        raise RecordError(f"'{clock.texts[row]}' is no clock time with AM or PM, as the first line has.", cells.where(row, clock.name))
-    hour = int(match[1]) % 12 + (12 if match[4] in "Pp" else 0)
-    return 3600.0 * hour + 60.0 * int(match[2]) + float((match[3] or "0").replace(",", "."))
+def _day_seconds(hour: str, minute: str, second: str | None, half: str | None) -> float:
+    """Return the seconds since midnight of a clock time of 24 hours, or of 12 with the letter of AM or PM."""
+    hours = int(hour) if half is None else int(hour) % 12 + (12 if half in "Pp" else 0)
+    return 3600.0 * hours + 60.0 * int(minute) + float((second or "0").replace(",", "."))
 
 
 def _past_midnight(of_day: FloatArray) -> FloatArray:
     """Return times that go on past midnight, from zero; hours above 23 show a stopwatch, which has no midnight."""
     nights = np.cumsum(np.diff(of_day, prepend=of_day[0]) < -_HALF_DAY)
     days = nights.astype(np.float64) * (2 * _HALF_DAY if of_day.max() < 2 * _HALF_DAY else 0.0)
-    times: FloatArray = np.round(of_day + days - of_day[0], 9)
-    return times
+    return np.asarray(np.round(of_day + days - of_day[0], 9))
 
 
-def _plain_stamps(cells: Cells, clock: Clock) -> tuple[FloatArray, str, tuple[str, ...], str]:
-    """Return seconds from the first stamp, and what `Times` holds beside them."""
-    column, name = clock.texts, clock.name
-    stamps: list[datetime] = []
-    for row, cell in enumerate(column):
-        try:
-            stamps.append(one_stamp(cell.strip()))
-        except ValueError:
-            hint = "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
-            raise RecordError(
-                f"'{cell}' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. {hint}", cells.where(row, name)
-            ) from None
-        if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
-            raise RecordError(
-                f"'{cell}' and the first stamp differ in that one has a time zone. Write all with it, or none.", cells.where(row, name)
-            )
-    return np.array([(each - stamps[0]).total_seconds() for each in stamps]), column[0].strip(), (), "stamps"
+def _plain_stamps(cells: Cells, clock: Clock) -> FloatArray:
+    """Return seconds from the first stamp, of ISO 8601 or with the month as a word."""
+
+    def refusal(cell: str, error: ValueError) -> str:
+        return (
+            f"'{cell}' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. "
+            "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
+        )
+
+    return _since_first(_datetimes(cells, clock, one_stamp, refusal))
 
 
 def _by_form(cells: Cells, clock: Clock, form: str) -> FloatArray:
     """Return seconds from the first stamp of a form that was asked for."""
+    stamps = _datetimes(
+        cells,
+        clock,
+        lambda text: datetime.strptime(text, form),
+        lambda cell, error: f"'{cell}' does not have the form clock='{form}' ({error}).",
+    )
+    if not any(sign in form for sign in ("%d", "%j", "%c", "%x")):
+        return _past_midnight(
+            np.array([each.hour * 3600.0 + each.minute * 60.0 + each.second + each.microsecond * 1e-6 for each in stamps])
+        )
+    return _since_first(stamps)
+
+
+def _datetimes(cells: Cells, clock: Clock, parse: Callable[[str], datetime], refusal: Callable[[str, ValueError], str]) -> list[datetime]:
+    """Return the stamps of a column, all with a time zone or none."""
     stamps: list[datetime] = []
     for row, cell in enumerate(clock.texts):
         try:
-            stamps.append(datetime.strptime(cell.strip(), form))
+            stamps.append(parse(cell.strip()))
         except ValueError as error:
-            raise RecordError(f"'{cell}' does not have the form clock='{form}' ({error}).", cells.where(row, clock.name)) from None
+            raise RecordError(refusal(cell, error), cells.where(row, clock.name)) from None
         if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
             raise RecordError(
                 f"'{cell}' and the first stamp differ in that one has a time zone. Write all with it, or none.",
                 cells.where(row, clock.name),
             )
-    if not any(sign in form for sign in ("%d", "%j", "%c", "%x")):
-        return _past_midnight(
-            np.array([each.hour * 3600.0 + each.minute * 60.0 + each.second + each.microsecond * 1e-6 for each in stamps])
-        )
+    return stamps
+
+
+def _since_first(stamps: Sequence[datetime]) -> FloatArray:
+    """Return seconds from the first stamp."""
     return np.array([(each - stamps[0]).total_seconds() for each in stamps])
 
 
@@ -563,11 +550,8 @@ def of_day(match: re.Match[str]) -> float:
     """Return the seconds since midnight of a stamp."""
     if match["h"] is None:
         return 0.0
-    hour = int(match["h"])
-    if match["half"]:
-        hour = hour % 12 + (12 if match["half"] in "Pp" else 0)
     fraction = float(f"0.{match['f']}") if match["f"] else 0.0
-    return 3600.0 * hour + 60.0 * int(match["m"]) + int(match["s"] or 0) + fraction - _offset(match["zone"])
+    return _day_seconds(match["h"], match["m"], match["s"], match["half"]) + fraction - _offset(match["zone"])
 
 
 def _offset(zone: str | None) -> float:

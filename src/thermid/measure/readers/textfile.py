@@ -138,8 +138,8 @@ def _columns(lines: list[tuple[int, str]], mark: str) -> list[tuple[str, ...]] |
     return [tuple(cells[k::width]) for k in range(width)]
 
 
-def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
-    """Return the cells of a log: commas, semicolons or tabs; lines that are blank or start with '#' left out.
+def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[str] = ()) -> Cells:
+    """Return the cells of a text with plain line ends: commas, semicolons or tabs; lines that are blank or start with '#' left out.
 
     Lines above the header (a preamble) are passed over where the samples below have another number of columns, and a row of units below the
     header is joined to it.
@@ -148,12 +148,6 @@ def read_cells(data: bytes, file: str, separator: str | None) -> Cells:
     ------
     RecordError   When it is empty, binary, has no samples, or its columns cannot be told.
     """
-    text, notes = decoded(data, file)
-    return cells_of_text(text, file, separator, notes)
-
-
-def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[str] = ()) -> Cells:
-    """Return the cells of a text with plain line ends; see `read_cells`."""
     notes = list(notes)
     whole = text.endswith("\n")
     every = list(enumerate(text.split("\n"), 1))
@@ -189,8 +183,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
             if header.units
             else f"line {numbers[extra]} below the header holds no samples"
         )
-    rows, numbers = [rows[0], *rows[extra + 1 :]], [numbers[0], *numbers[extra + 1 :]]
-    rows, numbers = rows[1:], numbers[1:]
+    rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
     rows, cut = _without_cut_line(rows, width, whole)
     if cut:
         notes.append(f"line {numbers[-1]}, the last one, is cut short and was dropped")

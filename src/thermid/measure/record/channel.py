@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermid.errors import NameNotFoundError, RecordError, nearest
 from thermid.measure.amounts import duration_text, positive_seconds, seconds
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.units import format_value
+from thermid.units import format_value, unit
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -248,6 +248,12 @@ EVEN: Final = 0.01
 """Share of the mean interval by which intervals of an even grid may differ from it."""
 
 
+def from_unit(values: FloatArray, text: str) -> FloatArray:
+    """Return SI values of numbers in a unit."""
+    of = unit(text)
+    return values * float(of.factor) + float(of.offset)
+
+
 def usual_step(times: FloatArray) -> float:
     """Return the median of the intervals; zero for a single sample [s]."""
     return float(np.median(np.diff(times))) if times.size > 1 else 0.0
@@ -388,6 +394,11 @@ class Samples:
         return self.channels[name]
 
     __getitem__ = channel
+
+    @property
+    def measured(self) -> list[str]:
+        """Names of the temperatures that are not those of a boundary."""
+        return [name for name, each in self.channels.items() if each.quantity == "temperature" and each.role != "boundary"]
 
     @property
     def step(self) -> float:

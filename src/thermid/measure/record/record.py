@@ -6,6 +6,7 @@ sample keeps its number.
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,8 +19,9 @@ from numpy.typing import ArrayLike
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ThermidError, nearest
-from thermid.measure.amounts import amount, positive_seconds
-from thermid.measure.record import export, windows
+from thermid.files import LOG, replacing
+from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.record import windows
 from thermid.measure.record.channel import (
     BoolArray,
     Channel,
@@ -29,13 +31,15 @@ from thermid.measure.record.channel import (
     SecondClock,
     digest,
     even_step,
+    from_unit,
+    gap_from,
     gap_limit,
     stretch,
     with_sensor,
 )
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.units import TEMPERATURE, format_value
+from thermid.units import TEMPERATURE, format_value, unit
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -388,20 +392,67 @@ class Record(Samples):
         return record
 
     def to_csv(self, path: str | Path) -> None:
-        """Write the record as a log that `read_record` reads; see `export.to_csv`."""
-        export.to_csv(self, path)
+        """Write a record as a comma-separated log with units in its header, each channel in the unit of its file, masked samples empty.
+
+        Read again, times and values are the same to one unit in the last place. The hash is the same too when nothing was masked, averaged
+        or left out and the numbers had at most 12 digits, 9 of them decimals.
+        """
+        columns = [_texts(self.times, "s")]
+        header = []
+        taken = [self.origin.time, *(each.column for each in self.channels.values())]
+        for each in self.channels.values():
+            # a column that feeds two channels is written twice, under their own names
+            header.append(f"{each.column if each.column and taken.count(each.column) == 1 else each.name} [{each.unit}]")
+            cells = _texts(np.where(each.valid, each.values, 0.0), each.unit)
+            columns.append([cell if good else "" for cell, good in zip(cells, each.valid.tolist(), strict=True)])
+        with replacing(path, LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
+            file.write(f'"{self.origin.time} [s]"' + ("," if header else ""))
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows(zip(*columns, strict=True))
 
     def to_xarray(self) -> Dataset:
-        """Return the record as an `xarray.Dataset` in SI units, masked samples as NaN."""
-        return export.to_xarray(self)
+        """Return a record as a data set over `time`, SI units in the attributes, masked samples as NaN."""
+        import xarray
+
+        data = xarray.Dataset(coords={"time": ("time", self.times, {"units": "s"})})
+        for each in self.channels.values():
+            words = {
+                "quantity": each.quantity,
+                "role": each.role,
+                "target": each.target,
+                "gain": each.gain,
+                "noise": each.noise,
+                "accuracy": each.accuracy,
+            }
+            attributes = {"units": _si_unit(each), **{key: value for key, value in words.items() if value is not None}}
+            data[each.name] = ("time", np.where(each.valid, each.values, np.nan), attributes)
+        data.attrs = {"name": self.name, "file": self.origin.file, "sha256": self.origin.sha256, "steps": "\n".join(self.steps)}
+        return data
 
     def summary(self) -> str:
-        """Return samples, duration, step, gaps, channels with their masked counts, and steps, as text."""
-        return export.summary(self)
+        """Return a record in words: its size, gaps, origin, channels and steps, a line for each."""
+        origin = self.origin
+        start = f", from {origin.start}" if origin.start else ""
+        lines = [repr(self), f"  origin {origin.file}, {origin.rows} rows, sha256 {origin.sha256[:16]}{start}"]
+        intervals = np.diff(self.times)
+        limit = gap_from(self.times)
+        gaps = np.flatnonzero(intervals > limit)
+        if gaps.size:
+            worst = int(np.argmax(intervals))
+            longest, place = duration_text(float(intervals[worst])), format_value(self.times[worst], "s")
+            lines.append(f"  gaps longer than {limit:.4g} s: {gaps.size}, the longest {longest} at {place}")
+        lines += [f"  {_channel_line(each)}" for each in self.channels.values()]
+        return "\n".join([*lines, *(f"  - {step}" for step in self.steps)])
 
     def __repr__(self) -> str:
-        """One line: name, size, channels."""
-        return export.headline(self)
+        """Return name, samples, duration, step and channels in one line."""
+        step = f"{self.step:.4g} s" + ("" if even_step(self.times) is not None else " (median, uneven)")
+        made = "synthetic, " if self.origin.synthetic else ""
+        return (
+            f"Record '{self.name}': {made}{self.times.size} samples over {duration_text(self.duration)}, step {step}; "
+            f"channels {', '.join(self.channels) or 'none'}"
+        )
 
     def _noted(self, text: str, *changed: Channel) -> Record:
         """Return the record with changed channels and one more step."""
@@ -513,3 +564,44 @@ def _options(step: Step, given: object, where: str) -> dict[str, object]:
     if missing:
         raise RecordError(f"it needs {' and '.join(missing)}.", where)
     return options
+
+
+def _texts(values: FloatArray, text: str) -> list[str]:
+    """Return SI values as numbers in a unit, short where the short form gives the same SI value again."""
+    of = unit(text)
+    numbers = ((values - float(of.offset)) / float(of.factor)).tolist()
+    texts = [f"{number:.17g}" for number in numbers]
+    # the offset of a scale leaves rounding in late decimals; the first form that gives the same SI value again is the one of the file
+    for short in ([f"{number:.15g}" for number in numbers], [f"{round(number, 9):.15g}" for number in numbers]):
+        same = (from_unit(np.array(list(map(float, short))), text) == values).tolist()
+        texts = [brief if good else long for brief, good, long in zip(short, same, texts, strict=True)]
+    return texts
+
+
+def _si_unit(channel: Channel) -> str:
+    """Return the SI unit of a channel's values as text, in base units where it has no short name."""
+    dimension = unit(channel.unit).dimension
+    for short in ("K", "W", "1", "Pa", "V", "A"):
+        if unit(short).dimension == dimension:
+            return short
+    bases = ("m", "kg", "s", "A", "K")
+    return " ".join(f"{base}^{power}" if power != 1 else base for base, power in zip(bases, dimension, strict=True) if power)
+
+
+def _channel_line(channel: Channel) -> str:
+    """Return one channel in words."""
+    shown = channel.values[channel.valid]
+    role = f"{channel.role} {channel.target}" if channel.target else channel.role
+    parts = [f"{channel.name}: {channel.quantity}, {role}"]
+    if shown.size:
+        parts.append(f"{format_value(shown.min(), channel.unit, 4)} to {format_value(shown.max(), channel.unit, 4)}")
+    for word, size in (("noise", channel.noise), ("accuracy", channel.accuracy)):
+        if size is not None:
+            scale = "K" if channel.quantity == "temperature" else channel.unit
+            parts.append(f"{word} {format_value(size, scale, 3)}")
+    counts = ", ".join(f"{reason} {count}" for reason, count in channel.flags.items())
+    masked = channel.valid.size - shown.size
+    parts.append(f"{masked} of {channel.valid.size} masked" + (f" ({counts})" if counts else ""))
+    if channel.assumed:
+        parts.append(f"no unit in the log, read in {channel.unit}")
+    return "; ".join(parts)

@@ -1,149 +1,285 @@
-"""The kernel called with names: arrays in, an answer or an error in words out."""
+"""The engine: a problem of the kernel run by modes, by its integrator or by that of large networks; an answer or an error in words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import value_of
-from thermid.errors import ScenarioError, SolverError
-from thermid.network.rows import CONTROLS
-from thermid.simulation.solver.beyond import NEAR, refused_tables, refuses
-from thermid.simulation.solver.extremes import Turnings, by_column
-from thermid.simulation.solver.kernel_form import break_times, ending, ints, kernel_input, row_form
-from thermid.simulation.solver.modal import Modal
-from thermid.simulation.solver.squares import LOSSES, Squares, Weighing
-from thermid.simulation.solver.traces import Traces
+from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.model.laws.signal import Constant, Sine, Table
+from thermid.network.eliminate import held_in
+from thermid.simulation.solver.extremes import by_column
+from thermid.simulation.solver.large import METHODS as LARGE_METHODS
+from thermid.simulation.solver.large_model import integrate_model, refusal
+from thermid.simulation.solver.problem import Answer, KernelProblem, Options, ints
+from thermid.simulation.solver.settling import beginning
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Options:
-    """Tolerances and limits of the integrator.
-
-    Parameters
-    ----------
-    tolerance : float           Local error that a step may make. [K]
-    relative : float            The same, relative to the range of temperatures seen. [-]
-    input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
-    max_step : float            [s]
-    max_steps : int             Steps after which the run is given up.
-    method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
-    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. None: 3e-3, and
-                                3e-5 where a table is read. [K]
-    extremes : bool             Whether runs follow every node between the stored samples, so that its highest and lowest temperatures and
-                                their instants are those of the course; else they are those of the samples.
-    """
-
-    tolerance: float = 2e-7
-    relative: float = 2e-8
-    input_tolerance: float = 1e-4
-    max_step: float = float("inf")
-    max_steps: int = 1_000_000
-    method: str = "auto"
-    large_tolerance: float | None = None
-    extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
+LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """What the kernel answered.
+class Weighing:
+    """What the readings of a run are compared by.
 
     Parameters
     ----------
-    temperatures : array (times, nodes)             Of the nodes asked for. [K]
-    sensitivities : array (times, nodes, free)      Empty when not asked for.
-    initial, final : array (nodes,)                 Of all nodes of the reduced network. [K]
-    load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
-    end : float                                     [s]
-    statistics : dict
-    on : array (controls,)                          Which thermostats are on at the end.
-    switched : tuple of (float, int, int)           Time [s], control and new state of every switching, in order.
-    turnings : dict or None                         Node, eliminated ones too -> turning points between the times; None where not followed.
+    sigma, bias : array (channels,)     Standard deviation, and constant error that is taken off. [K]
+    column : array (channels,)          Column of the constant error among those looked for; -1 for none.
+    loss : str                          linear, soft_l1, huber or cauchy.
+    knee : float                        Residual, in units of sigma, from which a robust loss bends.
     """
 
-    temperatures: Array
-    sensitivities: Array
-    initial: Array
+    sigma: Array
+    bias: Array
+    column: NDArray[np.int32]
+    loss: str = "linear"
+    knee: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """The least squares of a run: with J the derivatives of all weighted residuals r, ``R'R = J'J`` and ``R'z = J'r``.
+
+    Parameters
+    ----------
+    triangle : array (columns, columns)     R; columns are the free names, then the constant errors looked for.
+    rotated : array (columns,)              z.
+    cost : float                            Sum of the loss over all residuals, the sum of squares for a linear one. [-]
+    chi_square : float                      Sum of squares, each weighed as a robust loss weighs it. [-]
+    sums : array (channels, 7)              Of each channel's residuals, as `thermid.fit.problem.residuals.Sums` has them. [K]
+    mesh : array (steps,)                   When the integrator's steps ended. [s]
+    """
+
+    triangle: Array
+    rotated: Array
+    cost: float
+    chi_square: float
+    sums: Array
+    mesh: Array
+
+
+METHODS = ("auto", "integrator", "modal")
+"""Methods of ordinary models by the name that `Options.method` gives them."""
+REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least
+MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
+
+
+class Exact(NamedTuple):
+    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J] and turnings."""
+
+    status: int
+    node: int
+    time: float
+    steps: int
+    traces: Array
     final: Array
     load_energy: Array
     boundary_energy: Array
-    flow_energy: Array
-    end: float
-    statistics: Mapping[str, Any]
-    on: NDArray[np.int32]
-    switched: tuple[tuple[float, int, int], ...] = ()
-    turnings: Mapping[str, Turnings] | None = None
-
-    def states(self, times: Array) -> NDArray[np.int32]:
-        """Return which thermostats are on (times, controls), from the instants at which they switched."""
-        out = np.tile(self.on, (times.size, 1)).astype(np.int32)
-        for time, row, state in reversed(self.switched):
-            out[times < time, row] = 1 - state
-        return out
+    turnings: tuple[Any, Array, Array]
 
 
-UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
-"""How a run ends that reaches where a table has no values."""
-MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have been left; add points to it, or choose outside = "hold".'
+@dataclass(frozen=True)
+class Effort:
+    """What a run has to do, by which its time is estimated.
+
+    Parameters
+    ----------
+    nodes : int         Nodes of the reduced network.
+    stretches : int     From knot to knot of the sampled inputs and from output to output.
+    fresh : int         Stretches that need exponentials of their own: those of a length that the kernel has not in mind.
+    outputs : int       Output times.
+    sampled : int       Sampled inputs.
+    waves : int         Sinusoidal inputs.
+    stops : int         Knots at which the integrator ends a step.
+    steps : float       Steps of the integrator between knots at which it ends one.
+    """
+
+    nodes: int
+    stretches: int
+    fresh: int
+    outputs: int
+    sampled: int
+    waves: int
+    stops: int
+    steps: float
+
+    @property
+    def modal(self) -> float:
+        """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
+        n = self.nodes
+        march = self.stretches * (15.0 + 0.25 * n * (1 + self.sampled)) + self.fresh * (400.0 + 50.0 * n)
+        write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
+        return 1e-9 * (10e3 + 100.0 * n**2 + 12.0 * n**3 + march + write)
+
+    @property
+    def integrator(self) -> float:
+        """Time of the integrator where nothing is stiff. [s]"""
+        n = self.nodes
+        step = 700.0 + 340.0 * n + 0.012 * n**3 + (400.0 if self.sampled else 0.0)
+        read = 30.0 * self.stretches if self.sampled else 0.0
+        write = self.outputs * (15.0 + 2.0 * n + (25.0 if self.sampled else 0.0))
+        return 1e-9 * (40e3 + (self.steps + self.stops) * step + read + write)
 
 
-class Engine:
-    """The kernel's problem for one wiring; the same for all values of its unknowns."""
+class Modal:
+    """The modal solution of one wiring; the same for all values of its unknowns.
 
-    def __init__(self, wiring: Wiring) -> None:
+    Parameters
+    ----------
+    wiring : Wiring
+    problem : Problem       The kernel's.
+    """
+
+    def __init__(self, wiring: Wiring, problem: _kernel.Problem) -> None:
         self.wiring = wiring
-        s = wiring.structure()
-        self.conductor_names = tuple(r[5] for r in s["conductors"])
-        self.load_names = tuple(r[4] for r in s["loads"])
-        self.control_names = tuple(r[3] for r in s["controls"])
-        self.flow_rows = np.array([k for k, r in enumerate(s["conductors"]) if r[0] == "flow"], dtype=int)
-        self.problem = self._laid_out(refuse=True)
-        self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
-        self.held = self._laid_out(refuse=False) if self.refuses else self.problem
-        self.nodes: tuple[str, ...] = s["nodes"]
-        self.modal = Modal(wiring, self.problem)
+        self.problem = problem
+        self.obstacle = _obstacle(wiring)
+        self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
+        self._pace: tuple[float, float] | None = None
 
-    def _laid_out(self, refuse: bool) -> Any:
-        """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
-        s = self.wiring.structure()
-        tables: list[tuple[Array, Array, Array]] = []
-        conductors = [row_form(form, places, curve, tables, refuse=refuse) for form, _, _, places, curve, _ in s["conductors"]]
-        loads = [row_form(form, places, curve, tables, load=True, refuse=refuse) for form, _, places, curve, _, _ in s["loads"]]
-        return _kernel.Problem(
-            capacity=ints(s["capacity"]),
-            coef_input=ints(s["coefficient_input"]),
-            boundary_gain=ints(s["gain"]),
-            boundary_offset=ints(s["offset"]),
-            conductor_kind=ints([r[0] for r in conductors]),
-            conductor_a=ints([r[1] for r in s["conductors"]]),
-            conductor_b=ints([r[2] for r in s["conductors"]]),
-            conductor_coef=ints([r[1] for r in conductors]).reshape(-1, 4),
-            conductor_table=ints([r[2] for r in conductors]),
-            load_kind=ints([r[0] for r in loads]),
-            load_node=ints([r[1] for r in s["loads"]]),
-            load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
-            load_sensor=ints([r[1] for r in s["loads"]]),
-            load_table=ints([r[2] for r in loads]),
-            load_control=ints([r[5] for r in s["loads"]]),
-            control_kind=ints([CONTROLS[r[0]].kind for r in s["controls"]]),
-            control_sensor=ints([r[1] for r in s["controls"]]),
-            control_coef=ints([(*r[2], -1)[:3] for r in s["controls"]]).reshape(-1, 3),
-            tables=tables,
-            inputs=[kernel_input(self.wiring.signals[name]) for name in self.wiring.used],
+    def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
+        """Return why the integrator is to be used, in words; empty when the modes are.
+
+        Raises
+        ------
+        ScenarioError   When the modes are asked for and the network has none.
+        """
+        if method == "integrator":
+            return "asked for"
+        why = self.obstacle or ("derivatives come from the integrator" if gradients else "")
+        if method == "modal" and why:
+            raise ScenarioError(
+                f"there is no modal solution: {why}. Leave 'method' at 'auto'.",
+                f"{self.wiring.network.title}, {self.wiring.scenario.title}",
+            )
+        if why or method == "modal":
+            return why
+        work = self.work(times, end)
+        return (
+            ""
+            if work.modal <= work.integrator
+            else f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
         )
 
-    def __reduce__(self) -> tuple[type[Engine], tuple[Wiring]]:
-        """Return how to make it in another process: the kernel's problem is laid out anew."""
-        return Engine, (self.wiring,)
+    def work(self, times: Array, end: float) -> Effort:
+        """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
+        signals = [self.wiring.signals[name] for name in self.wiring.used]
+        tables = [s for s in signals if isinstance(s, Table)]
+        key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
+        if key not in self._grids:
+            grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
+            gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
+            gaps = gaps[gaps > 1e-15 * end]
+            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED:]
+            self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
+        stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
+        waves = sum(isinstance(s, Sine) for s in signals)
+        if self._pace is None:
+            self._pace = self._paces()
+        fastest, rough = self._pace
+        steps = max(20.0 * np.log1p(fastest * end), rough * end)
+        return Effort(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, float(steps))
+
+    def _paces(self) -> tuple[float, float]:
+        """Return the rate of the fastest node, and how many steps a second the noise of inputs asks of the integrator. [1/s]
+
+        Taken at nominal values, so that the choice of method does not hang on which run came first.
+        """
+        if self.problem.nodes > MOST:
+            return 0.0, 0.0
+        a = self.wiring.assemble(gradients=False)
+        capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in self.wiring.structure.capacity])
+        _, jacobian, _ = self.problem.rhs(a.coefficients, a.initial, 0.0)
+        own = -jacobian / capacity[:, None]
+        return float(np.diag(own).max()), max((self._roughness(name, a, capacity, own) for name in self.wiring.used), default=0.0)
+
+    def _roughness(self, name: str, a: Assembled, capacity: Array, own: Array) -> float:
+        """Return how many steps a second an input's noise asks of the integrator. [1/s]
+
+        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
+        time between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
+        (docs/decisions/022-modal-solution.md).
+        """
+        signal, s = self.wiring.signals[name], self.wiring.structure
+        if not isinstance(signal, Table) or signal.times.size <= (5000 if signal.hold else 500):
+            return 0.0
+        noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))  # of independent readings, whatever they follow
+        moved = np.zeros(capacity.size)
+        if name.startswith("boundary "):
+            moved = own.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
+        for _, node, places, _ in s.loads:
+            if s.coefficient_input[places[0]] == self.wiring.used[name] and node < capacity.size:
+                moved[node] += a.coefficients[places[0]] / capacity[node]
+        jolt = np.abs(moved) * np.diag(own) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
+        return float(12.0 * jolt.max() ** 0.4)
+
+    def run(
+        self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, turnings: bool = False, sums: tuple[Any, ...] | None = None
+    ) -> Exact:
+        """Return temperatures of some nodes at times, from zero to `end` [s]; and turning points of these and of sums, where asked for."""
+        wanted = np.ascontiguousarray(times, dtype=float)
+        found = _kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums)
+        return Exact(*found)
+
+
+def _obstacle(wiring: Wiring) -> str:
+    """Return what keeps a network from being linear with constant coefficients, in words; empty when nothing does."""
+    s = wiring.structure
+    named: Mapping[int, str] = {k: name for name, k in wiring.used.items()}
+
+    def moves(place: int) -> bool:
+        k = s.coefficient_input[place]
+        return k >= 0 and not isinstance(wiring.signals[named[k]], Constant)
+
+    for row, _, _, places in s.conductors:
+        form, name = row.form, row.name
+        if form == "flow":
+            return f"'{name}' carries heat one way, so the network is not symmetric"
+        if (node := name.removesuffix(held_in(""))) in wiring.network.stores and name == held_in(node):
+            return f"'{node}' stores heat by a table"
+        if form != "linear":
+            return f"the law of '{name}' is not linear"
+        if moves(places[0]):
+            return f"the conductance of '{name}' changes in time"
+    for load in s.loads:
+        if not load.row.fixed:
+            return f"the power of '{load.row.name}' depends on temperature"
+    return ""
+
+
+class Engine(KernelProblem):
+    """A problem of the kernel with the ways to run it."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        super().__init__(wiring)
+        self.modal = Modal(wiring, self.problem)
+
+    def _as_large(self, options: Options, gradients: bool) -> bool:
+        """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
+
+        Raises
+        ------
+        ScenarioError   When the method does not exist, or cannot run this model.
+        """
+        method = options.method
+        if method not in LARGE_METHODS and method not in METHODS:
+            known = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
+            raise ScenarioError(f"there is no method '{method}'.{nearest(method, known)} There are {', '.join(known)}.", self.title)
+        if method not in LARGE_METHODS or (method == "auto" and not self.many):
+            return False
+        why = "sensitivities are asked for, which large networks do not carry" if gradients else refusal(self)
+        if why and method != "auto":
+            raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title)
+        return not why
 
     def integrate(
         self,
@@ -162,18 +298,12 @@ class Engine:
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
-        from thermid.simulation.solver.large_model import integrate_model, takes_over
-
-        if takes_over(self, options, gradients):
+        if self._as_large(options, gradients):
             return integrate_model(self, a, times, nodes, end, options, extremes)
         index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
             return self._by_modes(a, times, nodes, end, options, extremes)
-        size = a.initial_gradient.shape[1]
-        more: dict[str, Any] = {}
-        if gradients and a.jacobian is not None:
-            more = {"dcoef": (*a.jacobian, size), "dT0": np.ascontiguousarray(a.initial_gradient)}
         gone, sums = self._sums(a) if extremes else ((), None)
         found = self.problem.integrate(
             a.coefficients,
@@ -182,18 +312,13 @@ class Engine:
             float(end),
             np.ascontiguousarray(times, dtype=float),
             ints([index[n] for n in nodes]),
-            rtol=options.relative,
-            atol=options.tolerance,
-            input_atol=options.input_tolerance,
-            max_step=options.max_step,
-            max_steps=options.max_steps,
-            breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             turnings=extremes,
             sums=sums,
-            **more,
+            **self.settings(options, end),
+            **self.gradients(a, gradients),
         )
         if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end, a), self.title)
         statistics = {
             "method": "integrator",
             "reason": why,
@@ -213,7 +338,7 @@ class Engine:
         gone, sums = self._sums(a) if extremes else ((), None)
         found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
         if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end, a), self.title)
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
         energies = (found.load_energy, found.boundary_energy, np.zeros(0))
@@ -257,18 +382,10 @@ class Engine:
             float(end),
             np.ascontiguousarray(times, dtype=float),
             ints([self.nodes.index(n) for n in nodes]),
-            rtol=options.relative,
-            atol=options.tolerance,
-            input_atol=options.input_tolerance,
-            max_step=options.max_step,
-            max_steps=options.max_steps,
-            breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             turnings=options.extremes,
             simd=simd,
+            **self.settings(options, end),
         )
-
-    def _index(self) -> dict[str, int]:
-        return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
 
     def readings(
         self,
@@ -326,9 +443,6 @@ class Engine:
         ------
         SolverError   When the run ends before its time.
         """
-        more: dict[str, Any] = {}
-        if gradients and a.jacobian is not None:
-            more = {"dcoef": (*a.jacobian, a.initial_gradient.shape[1]), "dT0": np.ascontiguousarray(a.initial_gradient)}
         w = weighing
         found = _kernel.least_squares(
             self.problem,
@@ -344,45 +458,13 @@ class Engine:
             slope=parts[1],
             loss=LOSSES[w.loss],
             knee=w.knee,
-            rtol=options.relative,
-            atol=options.tolerance,
-            input_atol=options.input_tolerance,
-            max_step=options.max_step,
-            max_steps=options.max_steps,
-            breaks=break_times([self.wiring.signals[name] for name in self.wiring.used], end),
             mesh=mesh,
-            **more,
+            **self.settings(options, end),
+            **self.gradients(a, gradients),
         )
         if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end, a), f"{self.wiring.network.title}, {self.wiring.scenario.title}")
+            raise SolverError(self.message(found, options, end, a), self.title)
         return Squares(found.triangle, found.rotated, found.cost, found.chi_square, found.sums, found.mesh)
-
-    def message(self, found: Any, options: Options, end: float, a: Assembled | None = None) -> str:
-        """Return what ran out, when, where and what to change."""
-        network = self.wiring.network
-        follows = any(load.follows_temperature for load in network.flat.loads)
-        if self.refuses and found.status in UNSOLVED:
-            final = getattr(found, "final_temperatures", None)
-            left = self.left(a, found.time, final, NEAR) if a is not None and final is not None else ""
-            if left:
-                return f"at {found.time:.6g} s of {end:.6g} s {left}"
-            return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
-        return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
-
-    def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
-        """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
-        network = self.wiring.network
-        if not self.refuses:
-            return ""
-        traces = Traces(self.wiring, a, np.array([time]), self.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
-        every = {n: float(traces.temperature(n)[0]) for n in (*network.nodes, *network.boundaries)}
-        return refused_tables(network, a.numbers, every, near)
-
-    def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
-        """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""
-        extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
-        heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra)
-        return heat, jacobian, slopes
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
         """Return the assembly with a start that is steady where it was asked for."""
@@ -391,39 +473,5 @@ class Engine:
             return a
         if not unknown.all():
             raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
-        from thermid.simulation.solver.settling import beginning
-
-        found, slopes = beginning(self, a, gradients)
+        found, slopes = beginning(self, self.integrate, a, gradients)
         return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)
-
-    @cached_property
-    def still(self) -> Engine:
-        """The same problem with every input at its mean; it takes the same numbers."""
-        return Engine(self.wiring.stilled())
-
-    def capacities(self, a: Assembled) -> Array:
-        """Return the capacitance (nodes,) of every node, zero for a massless one. [J/K]"""
-        return np.array([0.0 if c is None else value_of(c) for c in (a.reduced.capacitances[n] for n in self.nodes)])
-
-    def time_constants(self, a: Assembled, temperatures: Array, time: float) -> Array:
-        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
-        _, jacobian, _ = self.rhs(a, temperatures, time)
-        capacity = self.capacities(a)
-        massive, massless = capacity > 0, capacity <= 0
-        heat = jacobian[np.ix_(massive, massive)]
-        if massless.any():
-            heat = heat - jacobian[np.ix_(massive, massless)] @ np.linalg.solve(
-                jacobian[np.ix_(massless, massless)], jacobian[np.ix_(massless, massive)]
-            )
-        root = np.sqrt(capacity[massive])
-        rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
-        slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
-        return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
-
-    def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
-        """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""
-        table = self.held.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
-        out: dict[str, Array] = {}
-        for k, name in enumerate(self.load_names):
-            out[name] = out.get(name, 0.0) + table[:, k]
-        return out

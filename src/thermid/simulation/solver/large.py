@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
-from thermid.simulation.solver.engine import MAY_HAVE_LEFT, UNSOLVED, Options
 from thermid.simulation.solver.extremes import Turnings, by_column
-from thermid.simulation.solver.kernel_form import break_times, runs_away, unsolved
+from thermid.simulation.solver.problem import MAY_HAVE_LEFT, UNSOLVED, Options, limits, runs_away, unsolved
 from thermid.simulation.solver.sparse import SparseNetwork
 
 Array = NDArray[np.float64]
@@ -117,11 +116,8 @@ def integrate(
         np.ascontiguousarray(field_times, dtype=float),
         method=METHODS[options.method],
         tolerance=tolerance_of(network, options),
-        input_atol=options.input_tolerance,
-        max_step=options.max_step,
-        max_steps=options.max_steps,
-        breaks=break_times(network.inputs, end),
         turnings=extremes,
+        **limits(options, network.inputs, end),
     )
     if found.status != _kernel.OK:
         message = _message(found, options, end, name, any(not g.fixed for g in network.loads))

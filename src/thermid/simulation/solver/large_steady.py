@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.solver.settling import unsettled
+from thermid.simulation.solver.problem import unsettled
 from thermid.simulation.solver.sparse import NONE, SparseNetwork
 
 Array = NDArray[np.float64]

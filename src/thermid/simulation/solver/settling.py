@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
+from thermid.network.reach import unreached
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import MEAN, STEADY
-
-if TYPE_CHECKING:
-    from thermid.simulation.solver.engine import Engine
-    from thermid.simulation.solver.wiring import Assembled
+from thermid.simulation.solver.large_model import settle_model
+from thermid.simulation.solver.problem import Answer, KernelProblem, Options, unsettled
+from thermid.simulation.solver.wiring import Assembled
 
 Array = NDArray[np.float64]
 MOST_ITERATIONS = 200
@@ -30,7 +31,7 @@ CLOSED = 2e-6
 """How far a state that comes back may miss itself. [K]"""
 
 
-def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
+def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
     """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and their derivatives (nodes, free).
 
     Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
@@ -39,17 +40,14 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
     ------
     SolverError   When there is no steady state: a part without a path to a boundary, or a power that runs away.
     """
-    from thermid.simulation.solver.large_model import settle_model
-
-    found = None if gradients else settle_model(engine, a, time)
+    found = None if gradients else settle_model(problem, a, time)
     if found is not None:
         return found, np.zeros((found.size, 0))
-    network = engine.wiring.network
-    where = f"{network.title}, {engine.wiring.scenario.title}"
-    given = [float(engine.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
+    network, where = problem.wiring.network, problem.title
+    given = [float(problem.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
     base = float(np.mean(given)) if given else ICE_POINT + 20.0
     # a small offset keeps the conductance of natural convection above zero at the start
-    balance = _Balance(engine, a, time)
+    balance = _Balance(problem, a, time)
     temperatures = np.full(balance.size, base + 1.0)
     for k in range(MOST_ITERATIONS):
         heat, jacobian, slopes = balance(temperatures, gradients)
@@ -58,7 +56,7 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
         except np.linalg.LinAlgError:
             step = np.full(temperatures.shape, np.nan)
         if not np.isfinite(step).all() or np.linalg.cond(jacobian) > 1e15:
-            raise SolverError(_no_steady(engine, a), where)
+            raise SolverError(_no_steady(problem, a), where)
         close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
             temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)))
@@ -69,23 +67,13 @@ def settle(engine: Engine, a: Assembled, time: float, gradients: bool = False) -
             if unstable:
                 raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
             _, jacobian, slopes = balance(temperatures, gradients)
-            if left := engine.left(a, time, balance.states(temperatures)):
+            if left := problem.left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {left}", where)
             moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
             return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError("no steady state was found: a thermostat keeps switching. Simulate, and take the mean of a late period.", where)
-    raise SolverError(unsettled(any(load.follows_temperature for load in engine.wiring.network.flat.loads)), where)
-
-
-def unsettled(follows: bool) -> str:
-    """Return why Newton's method came to no end; `follows` says whether a power follows a temperature at all."""
-    if follows:
-        return "no steady state was found; a power may run away with temperature."
-    return (
-        "no steady state was found above 0 K. Look for a negative power that takes more than can flow in; a body without heat that sees"
-        " 0 K alone cools without end."
-    )
+    raise SolverError(unsettled(any(load.follows_temperature for load in problem.wiring.network.flat.loads)), where)
 
 
 class _Balance:
@@ -95,17 +83,17 @@ class _Balance:
     temperature does not move with heat, is no obstacle.
     """
 
-    def __init__(self, engine: Engine, a: Assembled, time: float) -> None:
-        self.engine, self.a, self.time = engine, a, time
-        place = {n: k for k, n in enumerate(n for n in engine.nodes if n not in a.reduced.stored)}
+    def __init__(self, problem: KernelProblem, a: Assembled, time: float) -> None:
+        self.problem, self.a, self.time = problem, a, time
+        place = {n: k for k, n in enumerate(n for n in problem.nodes if n not in a.reduced.stored)}
         self.size = len(place)
-        self.place = np.array([place[a.reduced.stored[n][0] if n in a.reduced.stored else n] for n in engine.nodes], dtype=np.intp)
-        self.own = np.array([n not in a.reduced.stored for n in engine.nodes], dtype=bool)
-        self.held = [(k, a.reduced.stored[n][1]) for k, n in enumerate(engine.nodes) if n in a.reduced.stored]
+        self.place = np.array([place[a.reduced.stored[n][0] if n in a.reduced.stored else n] for n in problem.nodes], dtype=np.intp)
+        self.own = np.array([n not in a.reduced.stored for n in problem.nodes], dtype=bool)
+        self.held = [(k, a.reduced.stored[n][1]) for k, n in enumerate(problem.nodes) if n in a.reduced.stored]
 
     def __call__(self, temperatures: Array, gradients: bool = False) -> tuple[Array, Array, Array | None]:
         """Return net heat (nodes,) [W], its Jacobian [W/K] and its derivatives (nodes, free) at temperatures (nodes,) [K]."""
-        heat, jacobian, slopes = self.engine.rhs(self.a, self.states(temperatures), self.time, gradients)
+        heat, jacobian, slopes = self.problem.rhs(self.a, self.states(temperatures), self.time, gradients)
         if not self.held:
             return heat, jacobian, slopes
         return self._sum(heat), self._sum(jacobian)[:, self.own], None if slopes is None else self._sum(slopes)
@@ -153,38 +141,42 @@ def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array
     return np.maximum(temperatures + step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300)), 0.1)
 
 
-def _no_steady(engine: Engine, a: Assembled) -> str:
-    from thermid.network.reach import unreached
-
-    powers = {name: float(p[0]) for name, p in engine.powers(a, _columns(engine, a), np.zeros(1)).items()}
-    parts = unreached(engine.wiring.network, a.numbers, powers)
+def _no_steady(problem: KernelProblem, a: Assembled) -> str:
+    powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
+    parts = unreached(problem.wiring.network, a.numbers, powers)
     if parts:
         return f"there is no steady state: {parts[0].message()}."
-    follows = any(load.follows_temperature for load in engine.wiring.network.flat.loads)
+    follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
     look = "power that grows with temperature" if follows else "node whose heat cannot leave"
     return f"there is no steady state: the equations are singular. Look for a {look}."
 
 
-def _columns(engine: Engine, a: Assembled) -> Array:
-    outer = [engine.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in engine.wiring.network.boundaries]
-    return np.array([[outer[0] if outer else ICE_POINT] * len(engine.nodes) + outer])
+def _columns(problem: KernelProblem, a: Assembled) -> Array:
+    outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
+    return np.array([[outer[0] if outer else ICE_POINT] * len(problem.nodes) + outer])
 
 
-def beginning(engine: Engine, a: Assembled, gradients: bool = False) -> tuple[Array, Array]:
+def beginning(problem: KernelProblem, integrate: Callable[..., Answer], a: Assembled, gradients: bool = False) -> tuple[Array, Array]:
     """Return the temperatures (nodes,) that a scenario asks to start from [K], and their derivatives (nodes, free).
+
+    Parameters
+    ----------
+    integrate : callable    As `Engine.integrate`: runs the periods of a state that comes back.
 
     Raises
     ------
     SolverError   When there is no such state.
     """
-    start = engine.wiring.start
+    start = problem.wiring.start
     if start is None or start.kind == STEADY:
-        return settle(engine, a, start.time if start is not None else 0.0, gradients)
-    found, slopes = settle(engine.still, a, 0.0, gradients)
-    return (found, slopes) if start.kind == MEAN else _periodic(engine, a, found, slopes, gradients)
+        return settle(problem, a, start.time if start is not None else 0.0, gradients)
+    found, slopes = settle(problem.still, a, 0.0, gradients)
+    return (found, slopes) if start.kind == MEAN else _periodic(problem, integrate, a, found, slopes, gradients)
 
 
-def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
+def _periodic(
+    problem: KernelProblem, integrate: Callable[..., Answer], a: Assembled, guess: Array, slopes: Array, gradients: bool
+) -> tuple[Array, Array]:
     """Return the state (nodes,) that comes back after every period of the inputs [K], and its derivatives (nodes, free).
 
     Newton's method on T(P) - T(0) with the monodromy matrix exp(P C^-1 J) of the network linearised at the mean, mended after Broyden
@@ -192,17 +184,14 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     """
     from scipy.linalg import expm
 
-    from thermid.simulation.solver.engine import Options
-
-    wiring, period = engine.wiring, engine.wiring.cycle or 0.0
-    where = f"{wiring.network.title}, {wiring.scenario.title}"
+    period, where = problem.wiring.cycle or 0.0, problem.title
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError(
             "a thermostat has a rhythm of its own, so no state comes back with the inputs. Simulate, and take a late stretch.", where
         )
-    capacity = engine.capacities(a)
+    capacity = problem.capacities(a)
     massive = capacity > 0.0
-    _, jacobian, _ = engine.still.rhs(a, guess, 0.0)
+    _, jacobian, _ = problem.still.rhs(a, guess, 0.0)
     flow = jacobian[np.ix_(massive, massive)]
     if not massive.all():
         rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
@@ -211,7 +200,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
         run = replace(a, initial=state, initial_gradient=moves)
-        answer = engine.integrate(run, np.array([period]), engine.nodes, period, Options(), gradients)
+        answer = integrate(run, np.array([period]), problem.nodes, period, Options(), gradients)
         return answer.temperatures[0], answer.sensitivities[0] if gradients else moves
 
     state, step, before = guess.copy(), np.zeros(0), np.zeros(0)

@@ -15,7 +15,7 @@ from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn
 from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
 from thermid.simulation.solver.extremes import Turnings, signal_turnings
-from thermid.simulation.solver.kernel_form import kernel_input
+from thermid.simulation.solver.problem import kernel_input
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]

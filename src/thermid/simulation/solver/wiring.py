@@ -5,22 +5,34 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
-from thermid.errors import ScenarioError, nearest
-from thermid.model.laws.signal import Constant, Drawn, Signal, Table, common_cycle, literal, multiplied
+from thermid.errors import DeckError, ScenarioError, nearest
+from thermid.model.laws.signal import (
+    Constant,
+    Drawn,
+    Mixed,
+    Signal,
+    Sine,
+    Table,
+    common_cycle,
+    literal,
+    multiplied,
+    pulses,
+    signal,
+    together,
+)
 from thermid.model.laws.stores import Store
 from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
-from thermid.simulation.solver.inputs import check_courses, load_inputs, normalised, read_schedule, scheduled
-from thermid.units import TEMPERATURE
+from thermid.units import TEMPERATURE, require
 
 Array = NDArray[np.float64]
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
@@ -28,6 +40,294 @@ Row = TypeVar("Row", ConductorRow, LoadRow)
 
 MARK = "scheduled"
 """Stands in a row's signal while massless nodes are chosen for elimination: its conductance changes in time."""
+
+
+def normalised(network: Network, scenario: Scenario) -> Scenario:
+    """Return the scenario with canonical names, and a temperature for every boundary.
+
+    Raises
+    ------
+    NameNotFoundError   When it names a node or load that does not exist.
+    ScenarioError       When a boundary has no temperature.
+    """
+    flat, where = network.flat, scenario.title
+    known = [load.path for load in flat.loads]
+
+    def load(name: str) -> str:
+        path = flat.names.model.canonical(name)
+        if path not in known:
+            raise ScenarioError(f"no load '{name}'.{nearest(path, known)}", where)
+        return path
+
+    def gain(name: str) -> str:
+        path = flat.names.model.canonical(name)
+        if path not in flat.parameters.table:
+            raise ScenarioError(f"no parameter '{name}'.{nearest(path, flat.parameters.table)}", where)
+        require(flat.parameters.dimension(path), "W", flat.parameters.table[path].parameter.unit)
+        return path
+
+    boundaries = {network.find(k, where): v for k, v in scenario.boundaries.items()}
+    boundaries |= {network.find(k, where): v for k, v in scenario.prescribed.items()}
+    for name in boundaries:
+        if name not in network.boundaries:
+            raise ScenarioError(
+                f"'{name}' is a node with its own balance, not a boundary. To drive it by a given temperature put it under 'prescribed'.",
+                where,
+            )
+    for name in network.boundaries:
+        if name not in boundaries:
+            raise ScenarioError(
+                f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.", where
+            )
+    loads = {load(k): v for k, v in scenario.loads.items()}
+    commands = {load(k): v for k, v in scenario.commands.items()}
+    both = sorted(set(loads) & set(commands))
+    if both:
+        raise ScenarioError(f"load '{both[0]}' has both a power and a command; give one of them.", where)
+    gains = {load(k): gain(v) for k, v in scenario.gains.items()}
+    initial = {network.find(k, where): v for k, v in scenario.initial.items()}
+    scenario.check_spans()
+    return replace(scenario, boundaries=boundaries, loads=loads, commands=commands, gains=gains, initial=initial, prescribed={})
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """What the curvature of a command's law is multiplied by: s (s - 1)."""
+
+    def __call__(self, command: Array) -> Array:
+        """Return s (s - 1) of a command (times,). [-]"""
+        return command * (command - 1.0)
+
+
+def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[str, Signal]:
+    """Return input name -> signal for every load row; a load without signal is on at full power.
+
+    A power given by the scenario is marked ``watts <load>``: it stands in place of the deck's own.
+    """
+    out: dict[str, Signal] = {}
+    for load in network.flat.loads:
+        command: Signal = scenario.commands.get(load.path, Constant(1.0))
+        if load.flux is not None:
+            command = multiplied(command, load.flux(scenario.boundaries))
+        if "periodic.period" in load.fields:
+            command = multiplied(command, _square(load.fields, numbers.values, load.where))
+        watts = scenario.loads.get(load.path)
+        if watts is not None:
+            if load.curve is not None:
+                raise ScenarioError(
+                    f"the power of '{load.path}' is a table, which a power of the scenario cannot stand in place of. Give it a command.",
+                    scenario.title,
+                )
+            out[f"watts {load.path}"] = watts
+            command = watts
+        out[f"load {load.path}"] = command
+        out[f"curve {load.path}"] = Constant(0.0) if watts is not None else Mixed(Curvature(), (command,))
+        if "sine.amplitude" in load.fields:
+            period = value_of(numbers.values[load.fields["sine.period"]])
+            wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+            square = _square(load.fields, numbers.values, load.where) if "periodic.period" in load.fields else Constant(1.0)
+            out[f"sine {load.path}"] = multiplied(wave, square)
+    return out
+
+
+def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Signal:
+    """Return the on-off signal of a periodic load: on first, for `duty` of every period."""
+    period, duty = (value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty"))
+    if not (period > 0 and 0.0 <= duty <= 1.0):
+        raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
+    return pulses(period, duty)
+
+
+class Schedule:
+    """Parameters that follow signals.
+
+    Parameters
+    ----------
+    signals : dict      Parameter path -> signal. [SI]
+    times : array       Times at which any of them must be sampled. [s]
+    hold : bool         Whether all of them hold between samples.
+    """
+
+    def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
+        self.signals = dict(signals)
+        drawn = [s.drawn(duration) for s in signals.values()]
+        self.times, self.hold = together(drawn, duration)
+        columns = np.column_stack([s.at(self.times) for s in drawn])
+        self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
+        self.index = self.index.ravel()
+
+    def overrides(self, k: int) -> dict[str, float]:
+        """Return path -> value of the k-th distinct combination. [SI]"""
+        return dict(zip(self.signals, self.rows[k].tolist(), strict=True))
+
+
+def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
+    """Return the schedule of a scenario with every signal in SI, or None.
+
+    Raises
+    ------
+    NameNotFoundError   When it names no parameter.
+    UnitError           When a signal has another dimension than its parameter.
+    """
+    if not scenario.schedule:
+        return None
+    parameters = network.flat.parameters
+    signals = {}
+    for raw, value in scenario.schedule.items():
+        where = f"{scenario.title}, schedule.{raw}"
+        path = parameters.freeable(raw, network.flat.names.model.canonical)
+        literal = parameters.table[path].parameter.expression.literal
+        slot = TEMPERATURE if literal and literal.unit.absolute else literal.unit.text if literal else "1"
+        signals[path] = signal(value, slot, where)
+    return Schedule(signals, scenario.seconds)
+
+
+def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) -> tuple[Numbers, dict[tuple[str, int, int], Drawn]]:
+    """Return the numbers at the reference sample, and which coefficient follows which signal.
+
+    Keys of the second are (row's name, position among the rows of that name, coefficient). A coefficient that changes is its value at the
+    reference sample times a signal; its derivatives must then scale with it, which holds for every product. One that vanishes there has
+    the sample at which it is largest for its own reference.
+
+    Raises
+    ------
+    ScenarioError   When a capacitance would change, or a freed parameter and a scheduled one do not act as a product.
+    """
+    clash = sorted(set(schedule.signals) & set(free))
+    if clash:
+        raise ScenarioError(f"'{clash[0]}' follows a schedule, so it cannot be freed. Free what multiplies it.", network.title)
+    sets = [network.numbers({**free, **schedule.overrides(k)}) for k in range(len(schedule.rows))]
+    for node, first in sets[0].capacitances.items():
+        if first is not None and any(value_of(s.capacitances[node] or 0.0) != value_of(first) for s in sets):
+            raise ScenarioError(
+                f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", network.title
+            )
+    reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
+    base = sets[reference]
+    out: dict[tuple[str, int, int], Drawn] = {}
+    every: list[tuple[ConductorRow | LoadRow, ...]] = [(*s.conductors, *s.loads) for s in sets]
+    seen: dict[str, int] = {}
+    kept: list[tuple[Number, ...]] = []
+    for r, row in enumerate(every[reference]):
+        position = seen.get(row.name, 0)
+        seen[row.name] = position + 1
+        several = [[rows[r].coefficients[c] for rows in every] for c in range(len(row.coefficients))]
+        kept.append(tuple(own[reference] if value_of(own[reference]) else max(own, key=lambda v: abs(value_of(v))) for own in several))
+        for c, (mine, own) in enumerate(zip(kept[r], several, strict=True)):
+            ratio = _ratios(mine, own, row.name, network.title)
+            if ratio is not None:
+                moving = (
+                    Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+                )
+                out[row.name, position, c] = moving
+    count = len(base.conductors)
+    conductors = tuple(replace(row, coefficients=own) for row, own in zip(base.conductors, kept[:count], strict=True))
+    loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:], strict=True))
+    return replace(base, conductors=conductors, loads=loads), out
+
+
+def _magnitude(numbers: Numbers) -> float:
+    """Return a size by which the reference sample is chosen: one at which no scheduled coefficient vanishes, if there is any."""
+    rows: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
+    return float(sum(np.log1p(abs(value_of(r.coefficients[0]))) for r in rows))
+
+
+def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array | None:
+    """Return each value over the reference one, or None when nothing changes."""
+    plain = np.array([value_of(v) for v in values])
+    base = value_of(mine)
+    if (plain == base).all():
+        return None
+    ratio = plain / base
+    if isinstance(mine, Dual):
+        for r, v in zip(ratio, values, strict=True):
+            if isinstance(v, Dual) and not np.allclose(v.gradient, r * mine.gradient, rtol=1e-9, atol=1e-12 * np.abs(mine.gradient).max()):
+                raise ScenarioError(
+                    f"in '{name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told apart.",
+                    title,
+                )
+    return ratio
+
+
+Courses = Mapping[tuple[str, int, int], Signal]
+
+
+def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str) -> None:
+    """Refuse values at which a scheduled coefficient changes otherwise in time than it was wired to; one that is zero may stay so.
+
+    Raises
+    ------
+    ScenarioError   When a parameter that changes from run to run and a scheduled one do not act as a product.
+    """
+    for key in {*follow, *wired}:
+        if key in follow and key in wired and _same_course(follow[key], wired[key]):
+            continue
+        every: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
+        rows = [r for r in every if r.name == key[0]]
+        if key not in follow and value_of(rows[key[1]].coefficients[key[2]]) == 0.0:
+            continue
+        raise ScenarioError(
+            f"in '{key[0]}' a parameter that changes from run to run and a scheduled one do not act as a product, so one schedule does not "
+            "serve all runs. Run them one by one, with with_values.",
+            title,
+        )
+
+
+def _same_course(one: Signal, other: Signal) -> bool:
+    """Whether two signals are the same in time, to rounding."""
+    end = max(one.extent, other.extent)
+    mine, others = one.knots(0.0, end), other.knots(0.0, end)
+    return np.array_equal(mine, others) and np.allclose(one.at(mine), other.at(mine), rtol=1e-9, atol=1e-12)
+
+
+class PlacedConductor(NamedTuple):
+    """A conductor of the kernel: its row without numbers, the places of its ends among nodes and boundaries, and of its coefficients."""
+
+    row: ConductorRow
+    a: int
+    b: int
+    places: list[int]
+
+
+class PlacedLoad(NamedTuple):
+    """A load of the kernel: its row without numbers, the place of its node, those of its law's coefficients, and its control or -1."""
+
+    row: LoadRow
+    node: int
+    places: list[int]
+    control: int
+
+
+class PlacedControl(NamedTuple):
+    """A control of the kernel: kind, the place of its sensor, those of its coefficients, and the load that it controls."""
+
+    kind: str
+    sensor: int
+    places: list[int]
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class KernelLayout:
+    """What is the same for all values: which coefficient stands where, and which input multiplies it.
+
+    Parameters
+    ----------
+    nodes : tuple of str        Of the reduced network.
+    capacity : tuple of int     Place of each node's capacitance; -1 for a massless node.
+    gain, offset : tuple        Of each boundary: place of what its input is multiplied by, -1 where it is constant; place of the constant.
+    conductors, loads, controls : tuples
+    coefficient_input : tuple   Of each coefficient the input that multiplies it; -1 for none.
+    """
+
+    nodes: tuple[str, ...]
+    capacity: tuple[int, ...]
+    gain: tuple[int, ...]
+    offset: tuple[int, ...]
+    conductors: tuple[PlacedConductor, ...]
+    loads: tuple[PlacedLoad, ...]
+    controls: tuple[PlacedControl, ...]
+    coefficient_input: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +412,7 @@ class Wiring:
         # the kernel needs a node to solve for, even where all of them only follow
         self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
         self.used: dict[str, int] = {}
-        self._structure: dict[str, Any] = {}
+        self._structure: KernelLayout | None = None
         self._last: tuple[tuple[bytes, bool], Assembled] | None = None
         self._start: Number | str = ""
         self._initial: dict[str, Number | str] = {}
@@ -225,7 +525,7 @@ class Wiring:
 
     def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
         offsets = {b: self._offset(b, given) for b in self.network.boundaries}
-        if not self._structure:
+        if self._structure is None:
             self._structure = self._lay_out(numbers, reduced, offsets, given)
         coefficients = self._coefficients(numbers, reduced, offsets, given)
         initial = [
@@ -261,34 +561,31 @@ class Wiring:
             out += load.settings
         return out
 
-    def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> dict[str, Any]:
-        """Return the index arrays, the same for all values."""
+    def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> KernelLayout:
+        """Return which coefficient stands where, the same for all values."""
         self.used = {name: k for k, name in enumerate(self.signals)}
         make = _Builder(self.used)
-        structure: dict[str, Any] = {"nodes": reduced.nodes}
-        structure["capacity"] = [-1 if c is None else make.add(c) for c in (reduced.capacitances[n] for n in reduced.nodes)]
-        structure["gain"], structure["offset"] = [], []
+        capacity = tuple(-1 if c is None else make.add(c) for c in (reduced.capacitances[n] for n in reduced.nodes))
+        gain, offset = [], []
         for b, shift in offsets.items():
             constant = isinstance(self.signals[f"boundary {b}"], Constant)
-            structure["gain"].append(-1 if constant else make.add(1.0, f"boundary {b}"))
-            structure["offset"].append(make.add(shift))
+            gain.append(-1 if constant else make.add(1.0, f"boundary {b}"))
+            offset.append(make.add(shift))
         index = {n: k for k, n in enumerate((*reduced.nodes, *self.network.boundaries))}
-        structure["conductors"] = self._conductors(reduced.conductors, make, index)
-        structure["loads"] = self._loads(numbers, make, index, given)
-        structure["controls"] = [self._control(row, make, index, structure["loads"]) for row in self._controlled(numbers)]
-        structure["coefficient_input"] = make.coefficient_input
-        return structure
+        conductors = self._conductors(reduced.conductors, make, index)
+        loads = self._loads(numbers, make, index, given)
+        controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
+        follows = tuple(make.coefficient_input)
+        return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, loads, controls, follows)
 
-    def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> list[Any]:
+    def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         out = []
         for row, position in _numbered(rows):
             if row.ends[0] == row.ends[1]:
                 continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
-            places = []
-            for c, number in enumerate(row.coefficients):
-                places.append(make.add(number, self._conductor_signal(row, position, c)))
-            out.append((row.form, index[row.ends[0]], index[row.ends[1]], places, row.curve, row.name))
-        return out
+            places = [make.add(number, self._conductor_signal(row, position, c)) for c, number in enumerate(row.coefficients)]
+            out.append(PlacedConductor(replace(row, coefficients=()), index[row.ends[0]], index[row.ends[1]], places))
+        return tuple(out)
 
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
         """Return the input that a conductor's coefficient is multiplied by; empty for none."""
@@ -327,21 +624,22 @@ class Wiring:
                 rows.setdefault(row.name, row)
         return list(rows.values())
 
-    def _control(self, row: LoadRow, make: _Builder, index: Mapping[str, int], loads: Sequence[Any]) -> tuple[Any, ...]:
+    def _control(self, row: LoadRow, make: _Builder, index: Mapping[str, int], loads: Sequence[PlacedLoad]) -> PlacedControl:
         begin = len(row.own)
         places = [make.add(number, self._follow.get((row.name, 0, begin + c), "")) for c, number in enumerate(row.settings)]
         if len(places) < CONTROLS[row.control].coefficients:
-            places.append(next(own[0] for _, _, own, _, name, _ in loads if name == row.name))
-        return row.control, index[row.sensor], places, row.name
+            places.append(next(load.places[0] for load in loads if load.row.name == row.name))
+        return PlacedControl(row.control, index[row.sensor], places, row.name)
 
-    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> list[Any]:
+    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
         out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
                 continue  # heat into a given temperature changes nothing
             places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
-            out.append((row.form, index[row.node], places, row.curve, row.name, controls.index(row.name) if row.control else -1))
-        return out
+            control = controls.index(row.name) if row.control else -1
+            out.append(PlacedLoad(replace(row, coefficients=()), index[row.node], places, control))
+        return tuple(out)
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
         """Return the coefficients of a load's law, each with the input that it is multiplied by."""
@@ -401,7 +699,7 @@ class Wiring:
         span = self.cycle or self.scenario.seconds
         if self.changing and not span:
             raise ScenarioError("a mean over what? The inputs do not repeat; give a duration.", self.scenario.title)
-        self.structure()
+        assert self.structure  # laid out before it is shared
         out = copy(self)
         out.signals = {}
         for name, given in self.signals.items():
@@ -410,11 +708,23 @@ class Wiring:
             out.signals[name] = given if isinstance(given, Constant) else still
         return out
 
-    def structure(self) -> dict[str, Any]:
-        """Return the index arrays of the network, fixed for all values."""
-        if not self._structure:
+    @property
+    def structure(self) -> KernelLayout:
+        """Which coefficient stands where, the same for all values."""
+        if self._structure is None:
             self.assemble(np.zeros(0))
+        assert self._structure is not None
         return self._structure
+
+    def held_at(self, time: float) -> str:
+        """Return what must be said of a steady state under the inputs of one time, where they change; empty where they do not."""
+        if not self.changing:
+            return ""
+        several = ", ".join(self.changing)
+        return (
+            f"steady with the inputs of {time:g} s held, while {several} change{'s' if len(self.changing) == 1 else ''} in time; "
+            "their mean ('mean'), another time or the state that comes back ('periodic') can be asked for"
+        )
 
     def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:
         """Return the temperature (times,) of a boundary. [K]"""

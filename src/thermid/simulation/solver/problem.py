@@ -1,0 +1,378 @@
+"""The kernel's problem of one wiring: what it takes in place of names, its right-hand side, tables that a run leaves, words for its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.dual import value_of
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, Table
+from thermid.network.eliminate import held_in
+from thermid.network.network import Network, Numbers
+from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
+from thermid.simulation.solver.extremes import Turnings
+from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.wiring import Assembled, PlacedConductor, PlacedLoad, Wiring
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Tolerances and limits of the integrator.
+
+    Parameters
+    ----------
+    tolerance : float           Local error that a step may make. [K]
+    relative : float            The same, relative to the range of temperatures seen. [-]
+    input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
+    max_step : float            [s]
+    max_steps : int             Steps after which the run is given up.
+    method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
+    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. None: 3e-3, and
+                                3e-5 where a table is read. [K]
+    extremes : bool             Whether runs follow every node between the stored samples, so that its highest and lowest temperatures and
+                                their instants are those of the course; else they are those of the samples.
+    """
+
+    tolerance: float = 2e-7
+    relative: float = 2e-8
+    input_tolerance: float = 1e-4
+    max_step: float = float("inf")
+    max_steps: int = 1_000_000
+    method: str = "auto"
+    large_tolerance: float | None = None
+    extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What the kernel answered.
+
+    Parameters
+    ----------
+    temperatures : array (times, nodes)             Of the nodes asked for. [K]
+    sensitivities : array (times, nodes, free)      Empty when not asked for.
+    initial, final : array (nodes,)                 Of all nodes of the reduced network. [K]
+    load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
+    end : float                                     [s]
+    statistics : dict
+    on : array (controls,)                          Which thermostats are on at the end.
+    switched : tuple of (float, int, int)           Time [s], control and new state of every switching, in order.
+    turnings : dict or None                         Node, eliminated ones too -> turning points between the times; None where not followed.
+    """
+
+    temperatures: Array
+    sensitivities: Array
+    initial: Array
+    final: Array
+    load_energy: Array
+    boundary_energy: Array
+    flow_energy: Array
+    end: float
+    statistics: Mapping[str, Any]
+    on: NDArray[np.int32]
+    switched: tuple[tuple[float, int, int], ...] = ()
+    turnings: Mapping[str, Turnings] | None = None
+
+    def states(self, times: Array) -> NDArray[np.int32]:
+        """Return which thermostats are on (times, controls), from the instants at which they switched."""
+        out = np.tile(self.on, (times.size, 1)).astype(np.int32)
+        for time, row, state in reversed(self.switched):
+            out[times < time, row] = 1 - state
+        return out
+
+
+LARGE_FROM: Final = 500
+"""Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""
+UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
+"""How a run ends that reaches where a table has no values."""
+MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have been left; add points to it, or choose outside = "hold".'
+
+
+def break_times(signals: Iterable[Signal], end: float) -> Array:
+    """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
+    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, Table) and s.hold]
+    times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
+    times = times[(times > 0) & (times < end)]
+    return times if times.size <= 5000 else np.zeros(0)
+
+
+def ints(values: Any) -> NDArray[np.int32]:
+    """Return numbers as the kernel's integers."""
+    return np.ascontiguousarray(values, dtype=np.int32)
+
+
+def row_form(law: KernelLaw, placed: PlacedConductor | PlacedLoad, tables: list[Any], refuse: bool) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
+    places, curve = [*placed.places, -1, -1, -1, -1][:4], placed.row.curve
+    if curve is None:
+        return law.kind, places, -1
+    table = len(tables)
+    tables += [curve_arrays(each, refuse) for each in tables_behind(placed.row.form, curve)]
+    return law.kind, places, table
+
+
+def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, Any]:
+    """Return the limits of a run to `end` [s] as every integrator of the kernel takes them."""
+    return {
+        "input_atol": options.input_tolerance,
+        "max_step": options.max_step,
+        "max_steps": options.max_steps,
+        "breaks": break_times(inputs, end),
+    }
+
+
+def kernel_input(given: Drawn) -> tuple[int, Array, Array]:
+    """Return the kernel's form of a signal."""
+    none = np.zeros(0)
+    if isinstance(given, Constant):
+        return _kernel.CONSTANT, np.array([given.value]), none
+    if isinstance(given, Sine):
+        return _kernel.SINE, np.array([given.mean, given.amplitude, given.period, given.phase]), none
+    kind = _kernel.SAMPLED_HOLD if given.hold else _kernel.SAMPLED_LINEAR
+    return kind, np.ascontiguousarray(given.times, dtype=float), np.ascontiguousarray(given.values, dtype=float)
+
+
+def unsettled(follows: bool) -> str:
+    """Return why Newton's method came to no end; `follows` says whether a power follows a temperature at all."""
+    if follows:
+        return "no steady state was found; a power may run away with temperature."
+    return (
+        "no steady state was found above 0 K. Look for a negative power that takes more than can flow in; a body without heat that sees"
+        " 0 K alone cools without end."
+    )
+
+
+def runs_away(when: str, follows: bool) -> str:
+    """Return why a temperature leaves every range; `follows` says whether a power follows a temperature at all."""
+    cause = "a power grows faster with temperature than the heat can leave" if follows else "more heat goes in than can leave"
+    return f"the temperature runs away {when}: {cause}. Where it falls below 0 K, a negative power takes more than there is."
+
+
+def unsolved(when: str, follows: bool) -> str:
+    """Return what to look at where a step could not be solved; `follows` as in `runs_away`."""
+    look = "power that grows too fast with temperature" if follows else "law that jumps there"
+    return f"a step could not be solved {when}. Look for a {look}."
+
+
+def ending(found: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
+    """Return what ran out in a run that ended before `end` [s], when, where and what to change; `follows` as in `runs_away`."""
+    node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""
+    when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+    words = {
+        _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
+        _kernel.NEWTON_FAILED: unsolved(when, follows),
+        _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
+        _kernel.RUN_AWAY: runs_away(when, follows),
+        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
+        _kernel.BAD_INPUT: f"a temperature must not lie below 0 K and every number be finite, which does not hold {when}. Look there.",
+        _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
+    }
+    return words.get(found.status, f"the run stopped {when}.")
+
+
+NEAR: Final = 0.1
+"""How close to the end of its table a run stands that cannot go on. [K]"""
+GOES_ON: Final = {"hold": "stays constant", "linear": "goes on as a straight line", "refuse": "is refused"}
+"""What a table does outside its points."""
+
+
+def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[str, str]]]:
+    """Return name, table and the nodes whose mean or difference it is read at, for every table that an author gives and of a gas."""
+    found = [(r.name, r.curve, r.ends) for r in numbers.conductors]
+    found += [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
+    found = [(name, curve, ends) for name, curve, ends in found if curve is not None and not curve.film]
+    found += [
+        (c.path, c.curve.film[1], (e, e)) for c in network.flat.conductors if c.curve is not None and len(c.curve.film) > 1 for e in c.ends
+    ]
+    found += [(node, store.given, (node, node)) for node, store in network.stores.items()]
+    return [(name, curve, ends) for name, curve, ends in found if curve is not None]
+
+
+def read_nodes(network: Network, numbers: Numbers) -> set[str]:
+    """Return the nodes at whose temperatures tables are read."""
+    return {end for _, _, ends in _ranged(network, numbers) for end in ends}
+
+
+def refuses(network: Network, numbers: Numbers) -> bool:
+    """Return whether some table is refused outside its points."""
+    return any(curve.limits is not None for _, curve, _ in _ranged(network, numbers))
+
+
+def _seen(curve: Curve, a: Array, b: Array) -> Array:
+    """Return what a table is read at, for temperatures of both nodes. [K]"""
+    return a - b if curve.over == "difference" else 0.5 * (a + b)
+
+
+def left_tables(network: Network, numbers: Numbers, at: Callable[[str], Array], times: Array) -> tuple[str, ...]:
+    """Return a sentence for each table that was asked for values outside its points at times [s]; `at`: node -> temperatures. [K]"""
+    out = []
+    for name, curve, (a, b) in _ranged(network, numbers):
+        seen = _seen(curve, at(a), at(b))
+        beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
+        if beyond.any():
+            first, low, high = times[beyond.argmax()], float(seen.min()), float(seen.max())
+            out.append(
+                f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
+                f" {high:.6g} K; beyond its range a law {GOES_ON[curve.outside]}"
+            )
+    return tuple(out)
+
+
+def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str, float], near: float) -> str:
+    """Return which tables that are refused outside their points are left, or left next, at temperatures [K]; empty where none is."""
+    out = []
+    for name, curve, (a, b) in _ranged(network, numbers):
+        if curve.limits is None:
+            continue
+        low, high = curve.limits
+        seen = float(_seen(curve, np.array(temperatures[a]), np.array(temperatures[b])))
+        if not low + near <= seen <= high - near:
+            out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
+    if not out:
+        return ""
+    return f'{" and ".join(dict.fromkeys(out))}, outside which it is refused. Add points, or choose outside = "hold".'
+
+
+class KernelProblem:
+    """The kernel's problem for one wiring; the same for all values of its unknowns."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        self.wiring = wiring
+        s = wiring.structure
+        self.load_names = tuple(p.row.name for p in s.loads)
+        self.control_names = tuple(p.name for p in s.controls)
+        self.flow_rows = np.array([k for k, p in enumerate(s.conductors) if p.row.form == "flow"], dtype=int)
+        self.problem = self._laid_out(refuse=True)
+        self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
+        self.held = self._laid_out(refuse=False) if self.refuses else self.problem
+        self.nodes = s.nodes
+
+    def _laid_out(self, refuse: bool) -> Any:
+        """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
+        s = self.wiring.structure
+        tables: list[tuple[Array, Array, Array]] = []
+        conductors = [row_form(p.row.law, p, tables, refuse) for p in s.conductors]
+        loads = [row_form(LOADS[p.row.form], p, tables, refuse) for p in s.loads]
+        return _kernel.Problem(
+            capacity=ints(s.capacity),
+            coef_input=ints(s.coefficient_input),
+            boundary_gain=ints(s.gain),
+            boundary_offset=ints(s.offset),
+            conductor_kind=ints([r[0] for r in conductors]),
+            conductor_a=ints([p.a for p in s.conductors]),
+            conductor_b=ints([p.b for p in s.conductors]),
+            conductor_coef=ints([r[1] for r in conductors]).reshape(-1, 4),
+            conductor_table=ints([r[2] for r in conductors]),
+            load_kind=ints([r[0] for r in loads]),
+            load_node=ints([p.node for p in s.loads]),
+            load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
+            load_sensor=ints([p.node for p in s.loads]),
+            load_table=ints([r[2] for r in loads]),
+            load_control=ints([p.control for p in s.loads]),
+            control_kind=ints([CONTROLS[p.kind].kind for p in s.controls]),
+            control_sensor=ints([p.sensor for p in s.controls]),
+            control_coef=ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
+            tables=tables,
+            inputs=[kernel_input(given) for given in self.inputs],
+        )
+
+    def __reduce__(self) -> tuple[type[KernelProblem], tuple[Wiring]]:
+        """Return how to make it in another process: the kernel's problem is laid out anew."""
+        return type(self), (self.wiring,)
+
+    @property
+    def title(self) -> str:
+        """Of the model and the scenario, for messages."""
+        return f"{self.wiring.network.title}, {self.wiring.scenario.title}"
+
+    @property
+    def many(self) -> bool:
+        """Whether it has so many nodes that it is run as a large network; the heat of one that stores it by a table counts with it."""
+        return len(self.nodes) - sum(held_in(n) in self.nodes for n in self.wiring.network.stores) >= LARGE_FROM
+
+    @property
+    def inputs(self) -> list[Drawn]:
+        """The signals that multiply coefficients, in the kernel's order."""
+        return [self.wiring.signals[name] for name in self.wiring.used]
+
+    def settings(self, options: Options, end: float) -> dict[str, Any]:
+        """Return the tolerances and limits of a run to `end` [s] as the kernel's small integrator takes them."""
+        return {"rtol": options.relative, "atol": options.tolerance, **limits(options, self.inputs, end)}
+
+    def gradients(self, a: Assembled, wanted: bool) -> dict[str, Any]:
+        """Return the derivatives of coefficients and start as the kernel takes them; nothing where none are wanted."""
+        if not wanted or a.jacobian is None:
+            return {}
+        return {"dcoef": (*a.jacobian, a.initial_gradient.shape[1]), "dT0": np.ascontiguousarray(a.initial_gradient)}
+
+    def _index(self) -> dict[str, int]:
+        return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+
+    def message(self, found: Any, options: Options, end: float, a: Assembled | None = None) -> str:
+        """Return what ran out, when, where and what to change."""
+        network = self.wiring.network
+        follows = any(load.follows_temperature for load in network.flat.loads)
+        if self.refuses and found.status in UNSOLVED:
+            final = getattr(found, "final_temperatures", None)
+            left = self.left(a, found.time, final, NEAR) if a is not None and final is not None else ""
+            if left:
+                return f"at {found.time:.6g} s of {end:.6g} s {left}"
+            return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
+        return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+
+    def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
+        """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
+        network = self.wiring.network
+        if not self.refuses:
+            return ""
+        traces = Traces(self.wiring, a, np.array([time]), self.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
+        every = {n: float(traces.temperature(n)[0]) for n in (*network.nodes, *network.boundaries)}
+        return refused_tables(network, a.numbers, every, near)
+
+    def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
+        """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""
+        extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
+        heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra)
+        return heat, jacobian, slopes
+
+    @cached_property
+    def still(self) -> KernelProblem:
+        """The same problem with every input at its mean; it takes the same numbers."""
+        return KernelProblem(self.wiring.stilled())
+
+    def capacities(self, a: Assembled) -> Array:
+        """Return the capacitance (nodes,) of every node, zero for a massless one. [J/K]"""
+        return np.array([0.0 if c is None else value_of(c) for c in (a.reduced.capacitances[n] for n in self.nodes)])
+
+    def time_constants(self, a: Assembled, temperatures: Array, time: float) -> Array:
+        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
+        _, jacobian, _ = self.rhs(a, temperatures, time)
+        capacity = self.capacities(a)
+        massive, massless = capacity > 0, capacity <= 0
+        heat = jacobian[np.ix_(massive, massive)]
+        if massless.any():
+            heat = heat - jacobian[np.ix_(massive, massless)] @ np.linalg.solve(
+                jacobian[np.ix_(massless, massless)], jacobian[np.ix_(massless, massive)]
+            )
+        root = np.sqrt(capacity[massive])
+        rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
+        slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
+        return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
+
+    def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
+        """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""
+        table = self.held.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
+        out: dict[str, Array] = {}
+        for k, name in enumerate(self.load_names):
+            out[name] = out.get(name, 0.0) + table[:, k]
+        return out
