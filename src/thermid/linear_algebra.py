@@ -62,6 +62,11 @@ def covariance(rows: Array) -> Array:
     return np.asarray(out)
 
 
+def finite(matrix: Array) -> Array:
+    """Return a covariance with zeros in place of what is not known at all."""
+    return np.where(np.isfinite(matrix), matrix, 0.0)
+
+
 def null_space(rows: Array) -> Array:
     """Return the directions (directions, unknowns) that no row sees; unknowns that no row depends on are left out."""
     _, _, seen = scaled(rows)
@@ -75,13 +80,13 @@ def null_space(rows: Array) -> Array:
 
 def rank(rows: Array, beside: Array | None = None) -> int:
     """Return of how many combinations of unknowns the rows say something; `beside` are the columns of others that are open too."""
-    unit_columns, _, _ = scaled(rows)
-    part = unit_columns[: len(rows)]
+    part = scaled(rows)[0][: len(rows)]
+    largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
     if beside is not None and beside.shape[1]:
         basis, s, _ = np.linalg.svd(scaled(beside)[0][: len(rows)], full_matrices=False)
         basis = basis[:, s > RANK_TOLERANCE * max(s[0], 1e-300)]
         part = part - basis @ (basis.T @ part)
-    return int((np.linalg.svd(part, compute_uv=False) > RANK_TOLERANCE).sum())
+    return int((np.linalg.svd(part, compute_uv=False) > RANK_TOLERANCE * largest).sum())
 
 
 def _eigen(matrix: Array) -> tuple[Array, Array, Array]:

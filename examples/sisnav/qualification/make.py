@@ -55,7 +55,7 @@ def calibrated(folder: Path) -> None:
 def logs() -> None:
     """Write what the sensors would have read in the three tests: the hidden unit on the same fixture, in the same courses."""
     from thermid.qualify.plan import load_plan
-    from thermid.qualify.trying import tried
+    from thermid.qualify.trial import run_test
 
     plan = load_plan(HERE / "plan.toml")
     hidden = td.macro_model(HERE / "fixture.toml", unit=laboratory.World.make().models["m_Sd"])
@@ -63,7 +63,7 @@ def logs() -> None:
     (HERE / "readings").mkdir(exist_ok=True)
     for k, (test, name) in enumerate(RECORDS.items()):
         (planned,) = (t for t in plan.tests if t.name == test)
-        trial = tried(plan, planned.model_copy(update={"log": None}))
+        trial = run_test(plan, planned.model_copy(update={"log": None}))
         scenario = trial.foresight.scenario
         times = np.arange(0.0, scenario.seconds + 1.0, EVERY[test])
         rng = np.random.default_rng([laboratory.SEED, k])

@@ -19,8 +19,8 @@ from thermid.model.deck.modelfile import load_model
 from thermid.qualify import deliver as delivery
 from thermid.qualify.lock import lock_plan, lock_status
 from thermid.qualify.plan import load_plan
-from thermid.qualify.predictions import pre_test
 from thermid.qualify.programme import run_plan
+from thermid.qualify.trial import pre_test
 from thermid.reporting.pages.views import clean
 from thermid.reporting.qualification.page import correlation_report, qualification_report
 from thermid.sourced import weigh

@@ -243,7 +243,7 @@ def summarise(
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
-    freedom = round(problem.effective_samples) - len(problem.unknowns)
+    freedom = round(problem.freedom)
     moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if request.store.states else Moves()
     return Calibration(
         name,
@@ -328,7 +328,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
     out += _taken_as_instants(problem)
-    freedom = round(problem.effective_samples) - len(problem.unknowns)
+    freedom = round(problem.freedom)
     reduced = found.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
@@ -483,7 +483,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     asked = strange_powers(problem)
     found = replace(found, remarks=(*found.remarks, *asked))
     if stated and request.free and len(problem.experiments) == len(request.records):
-        more = mistakes(request, problem, found.chi_square / _freedom(problem), _misfit)
+        more = mistakes(request, problem, found.chi_square / max(problem.freedom, 1.0), _misfit)
         found, asked = replace(found, remarks=(*found.remarks, *more)), (*asked, *more)
     try:
         refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
@@ -504,14 +504,10 @@ def _units_asked(problem: Problem) -> Iterator[None]:
         raise SolverError(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))]), error.where) from None
 
 
-def _freedom(problem: Problem) -> float:
-    return max(problem.effective_samples - len(problem.unknowns), 1.0)
-
-
 def _misfit(request: Request) -> float:
     """Return the weighted sum of squares per degree of freedom that one descent from the start leaves. [-]"""
     problem = problem_for(request)
-    return minimise(problem, request.loss, request.knee).chi_square / _freedom(problem)
+    return minimise(problem, request.loss, request.knee).chi_square / max(problem.freedom, 1.0)
 
 
 def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:

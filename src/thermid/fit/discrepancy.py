@@ -24,6 +24,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
+from thermid.linear_algebra import finite
 from thermid.model.laws.signal import Table
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.network.medium import Media
@@ -371,7 +372,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     conditions = conditions_of(seen)
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
-    conditions |= {p: c for known in before for p, c in _conditions(known).items() if p in conditions and p not in decided}
+    conditions |= {p: c for known in before for p, c in operating_points(known).items() if p in conditions and p not in decided}
     ways = []
     for bench, (times, found), here in zip(problem.benches(), runs, own, strict=True):
         network = bench.wiring.network
@@ -417,12 +418,8 @@ def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:
     return {path for path, c in constant_coefficients(network).items() if coefficient_path(c) in touched}
 
 
-def found_at(values: FittedValues) -> dict[str, OperatingPoint]:
-    """Return path of a conductor -> where its coefficient was found, as fitted values keep it."""
-    return _conditions(values.provenance)
-
-
-def _conditions(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]:
+def operating_points(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]:
+    """Return path of a conductor -> where its coefficient was found, as the provenance of fitted values keeps it."""
     return {p: OperatingPoint(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
@@ -441,8 +438,7 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
     more = tuple(Unknown(f"{kind} {path}", "pattern", tuple(t), 0.0) for (path, kind), t in targets.items())
     wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
     level = max(1.0, fit.reduced_chi_square)
-    _, _, known = covariances(ended(problem, at, fit.loss), level)
-    known = np.where(np.isfinite(known), known, 0.0)
+    known = finite(covariances(ended(problem, at, fit.loss), level)[2])
     cross = np.zeros((size, len(keys)))
     for b in binned(wide, np.concatenate([at, np.zeros(len(keys))]), fit.loss).values():
         cross += b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:])

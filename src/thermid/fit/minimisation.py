@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, SolverError, nearest
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
-from thermid.fit.problem.unknowns import Unknown
-from thermid.linear_algebra import covariance, pseudo_inverse, sandwich
+from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.linear_algebra import covariance, finite, pseudo_inverse, sandwich
 from thermid.simulation.members import run_members
 
 Array = NDArray[np.float64]
@@ -187,7 +187,7 @@ def minimise(
     if loss not in LOSSES:
         raise IdentificationError(f"there is no loss '{loss}'; there are {', '.join(LOSSES)}.")
     unknowns = problem.unknowns
-    at = np.array([u.to_fitted(u.start) for u in unknowns]) if start is None else np.asarray(start, dtype=float)
+    at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
         return ended(problem, at, loss, knee, message="nothing was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
@@ -253,7 +253,7 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     """
     data = fit.jacobian / np.sqrt(level)
     weights = covariance(np.concatenate([data, fit.priors]))
-    known = np.where(np.isfinite(weights), weights, 0.0)
+    known = finite(weights)
     spread = data @ known
     added = sandwich(known, excess) / level**2 if excess is not None else np.zeros_like(known)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights
@@ -302,7 +302,7 @@ class Population:
     @property
     def start(self) -> Array:
         """The start of all unknowns (unknowns,), in the fitted form."""
-        return np.array([u.to_fitted(u.start) for u in self.problem.unknowns])
+        return starting_point(self.problem.unknowns)
 
     def placed(self, shares: Array) -> Array:
         """Return points of the unit cube (members, parameters) as values of all unknowns (members, unknowns), in the fitted form."""
@@ -394,7 +394,7 @@ def doubts(problem: Problem, found: Fit) -> str:
 
 def _level(problem: Problem, found: Fit) -> float:
     """Return the weighted sum of squares per degree of freedom. [-]"""
-    return found.chi_square / max(problem.effective_samples - len(problem.unknowns), 1)
+    return found.chi_square / max(problem.freedom, 1.0)
 
 
 def _errors(problem: Problem, found: Fit) -> Array:

@@ -14,6 +14,7 @@ from thermid.fit.calibration import FIRST, TIMES, Calibration
 from thermid.fit.minimisation import Fit
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import starting_point
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.knowledge.store import Store
@@ -118,7 +119,7 @@ def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], C
     """
     if not problem.unknowns:
         return
-    info = Information.of(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+    info = Information.of(problem, starting_point(problem.unknowns))
     length = np.linalg.norm(info.rows, axis=0)
     blind = set(np.flatnonzero(length <= 1e-12 * length.max()).tolist())
     for direction in null_space(info.rows) * length:

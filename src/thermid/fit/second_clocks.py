@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from thermid.fit.problem.experiment import OFFSET, Ticks
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
 from thermid.measure import Record
 from thermid.memo import Memo
@@ -41,7 +42,7 @@ def with_clocks(problem: Problem, loss: str, knee: float, fitted: Array | None =
     ------
     IdentificationError   When the model runs at no offset.
     """
-    at = np.array([u.to_fitted(u.start) for u in problem.unknowns]) if fitted is None else fitted.copy()
+    at = starting_point(problem.unknowns) if fitted is None else fitted.copy()
     for i, experiment in enumerate(problem.experiments):
         if experiment.ticks is None:
             continue
@@ -85,21 +86,20 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
     return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))
 
 
-def _grid(problem: Problem, i: int, at: Array, ticks: Ticks) -> list[Array]:
-    """Return values of all unknowns with offset and rate of one experiment's clock on a grid."""
-    points = [at]
-    for k, name in problem.ticking(i):
-        low, high = ticks.clock.offset if name == OFFSET else ticks.clock.rate
-        count = OFFSETS if name == OFFSET else RATES
-        values = np.linspace(low, high, count) if name == OFFSET else low + (high - low) * (np.arange(count) + 0.5) / count
-        points = [_with(p, k, float(v)) for p in points for v in values]
-    return points
+def clock_grid(offset: tuple[float, float], rate: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the offsets and the rates of the grid over their ranges: offsets with both ends, rates in the middles of equal parts."""
+    rates = rate[0] + (rate[1] - rate[0]) * (np.arange(RATES) + 0.5) / RATES
+    held = [offset[0] == offset[1], rate[0] == rate[1]]
+    return np.linspace(*offset, 1 if held[0] else OFFSETS), rates[:1] if held[1] else rates
 
 
-def _with(at: Array, k: int, value: float) -> Array:
-    out = at.copy()
-    out[k] = value
-    return out
+def _grid(problem: Problem, i: int, fitted: Array, ticks: Ticks) -> Iterator[Array]:
+    """Yield values of all unknowns with offset and rate of one experiment's clock on a grid."""
+    for offset, rate in product(*clock_grid(ticks.clock.offset, ticks.clock.rate)):
+        point = fitted.copy()
+        for k, name in problem.ticking(i):
+            point[k] = offset if name == OFFSET else rate
+        yield point
 
 
 def _cost(problem: Problem, i: int, fitted: Array, loss: str, knee: float) -> float:
@@ -219,13 +219,9 @@ class Clocked:
             ]
         out = []
         for _, path, k, width in sorted(found, reverse=True)[:CHANGES]:
-            sides = [self.weighted(self.problem(at, (path, k, side * width)), self._rest(bare)) for side in (-0.25, 0.25)]
+            sides = [self.weighted(self.problem(at, (path, k, side * width)), starting_point(bare.unknowns)) for side in (-0.25, 0.25)]
             out.append((width, (sides[1] - sides[0]) / (0.5 * width)))
         return out
-
-    @staticmethod
-    def _rest(problem: Problem) -> Array:
-        return np.array([u.to_fitted(u.start) for u in problem.unknowns])
 
     @staticmethod
     def weighted(problem: Problem, rest: Array) -> Array:
@@ -377,7 +373,7 @@ def align(
     """
     starts, noise = _nearest(Clocked(model, first, second, scenario, dict(local or {}), (offset, rate)))
     if not starts[0].ticking:
-        return _at(starts[0], np.array([u.to_fitted(u.start) for u in starts[0].unknowns]), (0.0, 0.0))
+        return _at(starts[0], starting_point(starts[0].unknowns), (0.0, 0.0))
     ends = [(sides, minimise(sides, done=ROUGH)) for sides in (replace(each, noise=noise) for each in starts)]
     sides, found = min(ends, key=lambda end: end[1].cost)
     # the noise of sensors that state none is that of what is left at the end
@@ -398,18 +394,15 @@ def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
     ------
     IdentificationError   When the model runs at none.
     """
-    (first, last), (low, high) = sides.ranges
-    offsets = np.linspace(first, last, OFFSETS) if first < last else [first]
-    rates = low + (high - low) * (np.arange(RATES) + 0.5) / RATES if low < high else [low]
+    offsets, rates = clock_grid(*sides.ranges)
     tried: list[tuple[float, tuple[int, int], Clocked, dict[str, float]]] = []
-    for i, offset in enumerate(offsets):
-        for j, rate in enumerate(rates):
-            try:
-                here = sides.opened((float(offset), float(rate)))
-                cost, noise = _cost_of_joined(here)
-            except (RecordError, ScenarioError, SolverError):
-                continue
-            tried.append((cost, (i, j), here, noise))
+    for (i, offset), (j, rate) in product(enumerate(offsets), enumerate(rates)):
+        try:
+            here = sides.opened((float(offset), float(rate)))
+            cost, noise = _cost_of_joined(here)
+        except (RecordError, ScenarioError, SolverError):
+            continue
+        tried.append((cost, (i, j), here, noise))
     if not tried:
         raise IdentificationError(
             "no offset lets the model run over both logs. Widen the range of offsets.", f"{sides.first.name}, {sides.second.name}"
@@ -424,7 +417,7 @@ def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
 
 def _cost_of_joined(sides: Clocked) -> tuple[float, dict[str, float]]:
     """Return the least sum of squares at the start of a clock, and what is left of each sensor that states no noise. [K]"""
-    at = np.array([u.to_fitted(u.start) for u in sides.unknowns])
+    at = starting_point(sides.unknowns)
     rest = at[len(sides.ticking) :]
     problem = sides.problem(sides.clock(at))
     left = sides.weighted(problem, rest)

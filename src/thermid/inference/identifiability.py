@@ -18,7 +18,7 @@ from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.groups import Group, listed, percent, practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.measure import Record
@@ -349,7 +349,7 @@ def identifiability(
 def identifiability_of(request: Request, stage: str = "before", tell: float = TELL) -> Identifiability:
     """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
     problem = problem_for(request)
-    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    start = starting_point(problem.unknowns)
     found = _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
     return replace(found, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
 

@@ -353,4 +353,4 @@ def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str |
 def _columns(path: Path) -> list[str]:
     """Return the names of a log's columns, without units."""
     named = [name_and_unit(c) for c in log_cells(path).header]
-    return [n for at, (n, u) in enumerate(named) if at == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]
+    return [n for place, (n, u) in enumerate(named) if place == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

@@ -69,7 +69,7 @@ class Criteria:
     ) -> None:
         place = where or (f"criteria '{name}'" if name else "criteria")
         common = _kelvin({**(limits or {}), **more}, place)
-        own = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
+        sensor_limits = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
         check_mark(mark, place)
         if name and not common:
             raise ScenarioError(f"a set of criteria needs a limit above zero: {', '.join(known_criteria())}.", place)
@@ -78,7 +78,15 @@ class Criteria:
         for kind in kinds or ("",):
             if kind not in KINDS:
                 raise ScenarioError(f"criteria apply to steady or transient cases, not to '{kind}'.{nearest(kind, KINDS)}", place)
-        fields = {"name": name, "limits": common, "sensors": own, "share": share, "kinds": tuple(kinds), "mark": mark, "source": source}
+        fields = {
+            "name": name,
+            "limits": common,
+            "sensors": sensor_limits,
+            "share": share,
+            "kinds": tuple(kinds),
+            "mark": mark,
+            "source": source,
+        }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
 
@@ -92,8 +100,8 @@ class Criteria:
                 raise ScenarioError(f"there is no criterion '{key}'.{nearest(key, known)}", where)
         fields = {k: table[k] for k in PLAIN if k in table}
         limits = _parsed({k: v for k, v in table.items() if k not in (*PLAIN, "sensors")}, where)
-        own = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}
-        return cls(name, sensors=own, where=where, **fields, **limits)
+        sensor_limits = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}
+        return cls(name, sensors=sensor_limits, where=where, **fields, **limits)
 
     def limits_at(self, sensor: str) -> Mapping[str, float]:
         """Metric -> limit at a sensor. [K]
@@ -257,10 +265,10 @@ class Check:
     def __str__(self) -> str:
         """Return the check as a line."""
         word = "not decided: limit from memory" if self.passed is None else "met" if self.met else "NOT met"
-        at = f" at {self.sensor}" if self.sensor else ""
+        place = f" at {self.sensor}" if self.sensor else ""
         more = f", {len(self.outside)} of {self.counted} beyond" if self.outside else ""
         what = {"each": "largest sensor"}.get(self.criterion, f"largest {self.title}" if self.sensor else self.over_sensors)
-        return f"{self.case}, {self.kind}: {what} {self.found:.2f} K{at}, limit {self.limit:g} K [{self.mark}]{more}: {word}"
+        return f"{self.case}, {self.kind}: {what} {self.found:.2f} K{place}, limit {self.limit:g} K [{self.mark}]{more}: {word}"
 
 
 def judge_sensors(criteria: Criteria, deviations: Sequence[Deviation]) -> Iterator[Check]:

@@ -80,10 +80,10 @@ def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[st
     for n in asked:
         if n not in both:
             raise NameNotFoundError(f"no node '{n}' in both versions.{nearest(n, both)}", new.title)
-    found = {}
+    apart_by_node = {}
     for n in asked:
         apart = after[n].kelvin - before[n].kelvin
         k = int(np.abs(apart).argmax())
-        found[n] = Apart(float(apart[k]), float(before.times[k]), rmse(Residuals.of(before.times, apart)), float(apart[-1]))
+        apart_by_node[n] = Apart(float(apart[k]), float(before.times[k]), rmse(Residuals.of(before.times, apart)), float(apart[-1]))
     gone, added = (tuple(n for n in a.nodes if n not in b.nodes) for a, b in ((before, after), (after, before)))
-    return Difference(old.identity(), new.identity(), scenario.title, found, gone, added)
+    return Difference(old.identity(), new.identity(), scenario.title, apart_by_node, gone, added)

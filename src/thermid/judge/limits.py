@@ -85,8 +85,8 @@ class Limits:
 
     def ends(self, state: str) -> Ends | None:
         """Return the limits of a state. [K]"""
-        found: Ends | None = getattr(self, STATES[state])
-        return found
+        pair: Ends | None = getattr(self, STATES[state])
+        return pair
 
 
 def text_of(kelvin: float) -> str:
@@ -127,10 +127,10 @@ def _limits(name: str, table: Any, where: str) -> Limits:
     return Limits(name, str(table["node"]), **ends, loads=tuple(loads), mark=mark, source=str(table.get("source", "")))
 
 
-def _ends(given: Any, where: str) -> Ends:
-    if not isinstance(given, list | tuple) or len(given) != 2:
+def _ends(pair: Any, where: str) -> Ends:
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end that nobody set.', where)
-    low, high = (literal(t, TEMPERATURE, where) if t else None for t in given)
+    low, high = (literal(t, TEMPERATURE, where) if t else None for t in pair)
     return (-np.inf if low is None else low, np.inf if high is None else high)
 
 
@@ -335,8 +335,8 @@ def check_readings(
     out = []
     for one, times, kelvin in ((x, t, k) for x in limits for node, t, k in readings if node == x.node):
         # the state of the last stored time of the run before each reading
-        at = np.clip(np.searchsorted(run.times, times, side="right") - 1, 0, run.times.size - 1)
-        on = times_in_state(run, one, "operating", state)[at]
+        before = np.clip(np.searchsorted(run.times, times, side="right") - 1, 0, run.times.size - 1)
+        on = times_in_state(run, one, "operating", state)[before]
         started = on & ~np.concatenate([[False], on[:-1]]) if one.loads else np.zeros(times.size, dtype=bool)
         out += _checks(one, times, kelvin, {"operating": on, "non-operating": ~on, "start-up": started}, "measured")
     return tuple(out)
@@ -365,11 +365,11 @@ def _check(
     stand_in: bool,
     trace: Trace | None,
 ) -> LimitCheck:
-    at = np.flatnonzero(inside)
-    low, high = int(at[kelvin[at].argmin()]), int(at[kelvin[at].argmax()])
+    index = np.flatnonzero(inside)
+    low, high = int(index[kelvin[index].argmin()]), int(index[kelvin[index].argmax()])
     dense = trace.dense if trace is not None else None
-    found = [_crossing(side, limit, times, kelvin, inside, dense) for side, limit in zip(("low", "high"), ends, strict=True)]
-    sampled, crossings = trace is None or trace.turnings is None, tuple(c for c in found if c is not None)
+    passed = [_crossing(side, limit, times, kelvin, inside, dense) for side, limit in zip(("low", "high"), ends, strict=True)]
+    sampled, crossings = trace is None or trace.turnings is None, tuple(c for c in passed if c is not None)
     extremes = (float(kelvin[low]), float(times[low]), float(kelvin[high]), float(times[high]))
     return LimitCheck(one.point, one.node, state, ends, *extremes, crossings, one.mark, by, stand_in, sampled)
 

@@ -72,8 +72,8 @@ def flat_margin(kelvin: float, tested: bool) -> Figure:
     if not tested:
         return Figure(17.0, "read", f"{SMC}, 4.4.2.1")
     celsius = kelvin - ICE_POINT
-    found = next((m for low, m in COLDER if celsius >= low), 1)
-    return Figure(float(found), "read", f"{SMC}, 4.4.2.1, Table 4.4-2")
+    kelvins = next((m for low, m in COLDER if celsius >= low), 1)
+    return Figure(float(kelvins), "read", f"{SMC}, 4.4.2.1, Table 4.4-2")
 
 
 @dataclass(frozen=True)
@@ -245,9 +245,11 @@ def margins(
     out = []
     for one in limits:
         for k, side in enumerate(("cold", "hot")):
-            found = [m for name, run in runs.items() for m in _sides(name, run, one, k, side, policy, tested, (states or {}).get(name, ""))]
-            if found:
-                out.append(min(found, key=lambda m: m.margin))
+            candidates = [
+                m for name, run in runs.items() for m in _sides(name, run, one, k, side, policy, tested, (states or {}).get(name, ""))
+            ]
+            if candidates:
+                out.append(min(candidates, key=lambda m: m.margin))
     return tuple(out)
 
 
@@ -256,16 +258,21 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
     band = run.prediction[one.node]
     error, sign = band.half_width / NormalDist().inv_cdf(0.975), 1.0 if k else -1.0
     out = []
-    for own in ("operating", "non-operating", "start-up"):
-        ends, inside = one.ends(own), times_in_state(run.solution, one, own, state or "operating")
+    for state_name in ("operating", "non-operating", "start-up"):
+        ends, inside = one.ends(state_name), times_in_state(run.solution, one, state_name, state or "operating")
         if ends is None or not np.isfinite(ends[k]) or not inside.any():
             continue
         towards = np.where(inside, sign * band.kelvin + 1.96 * error, -np.inf)
-        at = int(towards.argmax())
+        index = int(towards.argmax())
         before = run.before.get(one.node, run.before.get(band.path))
-        shares = {c: float(v[at] / error[at] ** 2) if error[at] > 0 else 0.0 for c, v in band.parts.items()}
-        figures = (float(band.times[at]), float(band.kelvin[at]), float(error[at]), float(before[at]) if before is not None else np.nan)
-        out.append(Margin(one.point, side, own, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
+        shares = {c: float(v[index] / error[index] ** 2) if error[index] > 0 else 0.0 for c, v in band.parts.items()}
+        figures = (
+            float(band.times[index]),
+            float(band.kelvin[index]),
+            float(error[index]),
+            float(before[index]) if before is not None else np.nan,
+        )
+        out.append(Margin(one.point, side, state_name, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out
 
 

@@ -103,8 +103,8 @@ class Chunk:
 
     def highest(self, nodes: Sequence[str], node: str) -> Array:
         """Return the highest temperature (members,) of one of the nodes, between samples too where it was followed. [K]"""
-        own = self.turnings.get(node) or MemberTurnings.joined([])
-        return own.furthest(self.temperatures[:, nodes.index(node)], 1.0)
+        points = self.turnings.get(node) or MemberTurnings.joined([])
+        return points.furthest(self.temperatures[:, nodes.index(node)], 1.0)
 
 
 def digest(thing: Any) -> str:
@@ -128,8 +128,8 @@ def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
     """Return the runs of a chunk of members."""
     from importlib.metadata import version
 
-    found = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
-    return replace(found, first=first, failed={first + m: why for m, why in found.failed.items()}, version=version("thermid"))
+    chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
+    return replace(chunk, first=first, failed={first + m: why for m, why in chunk.failed.items()}, version=version("thermid"))
 
 
 def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
@@ -150,8 +150,8 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
         for k, node in enumerate(job.nodes):
             out[members, k] = drawn.kelvin[node].T
             if node in drawn.turnings:
-                own = drawn.turnings[node]
-                turnings[node].append(replace(own, members=members[own.members]))
+                points = drawn.turnings[node]
+                turnings[node].append(replace(points, members=members[points.members]))
     variants = len(np.unique(chosen))
     followed = {n: MemberTurnings.joined([(0, p) for p in parts]).sorted() for n, parts in turnings.items() if len(parts) == variants}
     return Chunk(0, out, followed, failed, "", simd)
@@ -198,8 +198,8 @@ class ChunkStore:
         version, simd = np.array(chunk.version), np.array(chunk.simd)
         with replacing(path, OWN) as half:
             points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
-            own = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
-            np.savez(half, **own, failed=failed, why=why, version=version, simd=simd)
+            arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
+            np.savez(half, **arrays, failed=failed, why=why, version=version, simd=simd)
 
 
 def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: str, threads: int) -> Iterator[Chunk]:
@@ -215,8 +215,8 @@ def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: s
 
 def _by_processes(job: Job, wanted: Sequence[tuple[int, int]], workers: int) -> Iterator[Chunk]:
     joblib = _package("joblib")
-    several = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
-    yield from several(joblib.delayed(work)(job, first, members) for first, members in wanted)
+    pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
+    yield from pool(joblib.delayed(work)(job, first, members) for first, members in wanted)
 
 
 def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> Iterator[Chunk]:

@@ -53,8 +53,8 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
     columns = np.column_stack([_standard(_by_group(v, target) if n in UNORDERED else _ranks(v)) for n, v in inputs])
     weights, *_ = np.linalg.lstsq(columns, target, rcond=None)
     single = columns.T @ target / target.size
-    found = [Driver(n, float(w * r), 0.0 if n in UNORDERED else float(r)) for (n, _), w, r in zip(inputs, weights, single, strict=True)]
-    return tuple(sorted(found, key=lambda d: -d.share))
+    drivers = [Driver(n, float(w * r), 0.0 if n in UNORDERED else float(r)) for (n, _), w, r in zip(inputs, weights, single, strict=True)]
+    return tuple(sorted(drivers, key=lambda d: -d.share))
 
 
 def _ranks(values: Array) -> Array:
@@ -151,8 +151,8 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
         result = np.concatenate([p.highest(job.nodes, path) for p in parts])
     else:
         result = np.array([np.interp(time, job.times, row) for p in parts for row in p.temperatures[:, job.nodes.index(path)]])
-    found = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
-    first, total, errors = ({n: float(x) for n, x in zip(names, found[k], strict=True)} for k in ("S1", "ST", "ST_conf"))
+    indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
+    first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))
     return Sobol(path, float("nan") if time is None else time, first, total, errors, numbers.shape[1])
 
 

@@ -181,10 +181,10 @@ class Hold:
 
     def __getitem__(self, name: str) -> HoldPoint:
         """Return the entry of a limit by the name that was given to it, or by its node."""
-        found = [p for p in self.points if name in (p.name, p.node)]
-        if not found:
+        points = [p for p in self.points if name in (p.name, p.node)]
+        if not points:
             raise ScenarioError(f"no limit was given for '{name}'; limits are {', '.join(p.name for p in self.points)}.", self.title)
-        return found[0]
+        return points[0]
 
     @property
     def sentence(self) -> str:
@@ -298,7 +298,7 @@ def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, flo
     ------
     ScenarioError   When there is none, or one is no limit.
     """
-    wanted = [(name, side, value) for name, given in limits.items() for side, value in _sides(name, given)]
+    wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
     if not wanted:
         raise ScenarioError('there is no limit. Give one: { "FOG_x" = "50 [degC]" }.', title)
     return wanted
@@ -318,18 +318,18 @@ def check_members(members: int, confidence: float, title: str) -> None:
         raise ScenarioError(f"{members} members cannot tell {100 * confidence:g} %; ask for {enough} or more.", title)
 
 
-def _sides(name: str, given: Any) -> list[tuple[str, float]]:
-    table = given if isinstance(given, Mapping) else {"highest": given}
+def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
+    table = spec if isinstance(spec, Mapping) else {"highest": spec}
     if not table or not set(table) <= set(SIDES):
         raise ScenarioError('a limit is "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
-    found = [
+    ends_by_side = [
         (side, literal(value if isinstance(value, str) else f"{value} [degC]", TEMPERATURE, f"limits, {name}"))
         for side, value in table.items()
     ]
-    ends = dict(found)
+    ends = dict(ends_by_side)
     if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
         raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")
-    return found
+    return ends_by_side
 
 
 def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:
@@ -339,9 +339,9 @@ def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str
     until, between = hold_time(crossings, confidence)
     # how far above: at the hold time, or the farthest of the run where that lies beyond it
     measure = SIDES[side] * runs.furthest(name, SIDES[side]) if math.isinf(until) else traces[:, int(np.searchsorted(runs.times, until))]
-    found = drivers_of(draws, measure)
+    drivers = drivers_of(draws, measure)
     path = runs.job.model.canonical(name)
-    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs.times, until, between, found)
+    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs.times, until, between, drivers)
 
 
 def _together(runs: UncertainRuns, points: list[HoldPoint], confidence: float) -> HoldPoint:
@@ -360,12 +360,12 @@ def _filled(
     times: Array,
     until: float,
     between: tuple[float, float],
-    found: tuple[Driver, ...],
+    drivers: tuple[Driver, ...],
 ) -> HoldPoint:
     exceedance = np.searchsorted(np.sort(crossings), times, side="right") / crossings.size
     never = int(np.isinf(crossings).sum())
     return HoldPoint(
-        path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, proportion(never, crossings.size), found
+        path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, proportion(never, crossings.size), drivers
     )
 
 
@@ -476,17 +476,20 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
         raise DeckError("a campaign of runs needs at least one member.", where("members"))
 
     def files(key: str) -> list[Path]:
-        given = data.get(key, [])
-        return [resolve_inside(target.parent, name, where(key)) for name in ([given] if isinstance(given, str) else given)]
+        name_or_names = data.get(key, [])
+        return [
+            resolve_inside(target.parent, name, where(key))
+            for name in ([name_or_names] if isinstance(name_or_names, str) else name_or_names)
+        ]
 
     unit = data.get("unit", "")
     (deck,) = files("model")
     model = macro_model(deck, at=unit) if unit else load_model(deck)
-    found = [filed(f, model, at=unit) for f in files("values")]
+    values = [filed(f, model, at=unit) for f in files("values")]
     return HoldQuestion(
         model,
         tuple(load_scenario(f) for f in files("scenario")),
-        tuple(x.values for x in found),
+        tuple(x.values for x in values),
         unit,
         data["limits"],
         data.get("spread", {}),
@@ -494,5 +497,5 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
         data.get("seed", 0),
         data.get("every", ""),
         data.get("confidence", 0.95),
-        tuple(line for x in found for line in x.lines),
+        tuple(line for x in values for line in x.lines),
     )

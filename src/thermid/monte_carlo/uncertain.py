@@ -41,12 +41,12 @@ def begun_at(scenario: Scenario, seconds: float, stays: Collection[str] = ()) ->
     return scenario.begun(seconds, but=("commands", *stays))
 
 
-def starts(given: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...], tuple[str, ...]]:
+def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...], tuple[str, ...]]:
     """Return the start times that a spread of ``start_time`` means [s], what stays where it is, and what a reader must know.
 
     Parameters
     ----------
-    given : dict        ``{"low": "0 [h]", "high": "6 [h]", "step": "30 [min]", "stays": ["air_flow"]}``; every step is as likely. The step
+    spec : dict         ``{"low": "0 [h]", "high": "6 [h]", "step": "30 [min]", "stays": ["air_flow"]}``; every step is as likely. The step
                         may be left out; ``stays`` names what is done and counts from the start, as commands do.
     scenario : Scenario Its tables reach from the first start to the end of a run begun last.
 
@@ -55,14 +55,14 @@ def starts(given: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...]
     ScenarioError   When it is none, has more than a thousand steps, or names what the scenario does not have.
     """
     where = f"{scenario.title}, spread of 'start_time'"
-    if not isinstance(given, Mapping) or not {"low", "high"} <= set(given) <= {"low", "high", "step", "stays"}:
+    if not isinstance(spec, Mapping) or not {"low", "high"} <= set(spec) <= {"low", "high", "step", "stays"}:
         raise ScenarioError('write { low = "0 [h]", high = "6 [h]", step = "30 [min]" }.', where)
-    low, high = (literal(given[k], "s", where) for k in ("low", "high"))
-    step = literal(given["step"], "s", where) if "step" in given else STEP
+    low, high = (literal(spec[k], "s", where) for k in ("low", "high"))
+    step = literal(spec["step"], "s", where) if "step" in spec else STEP
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
         raise ScenarioError("start times go from zero or later upward, in a thousand steps at most.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
-    stays = tuple(given.get("stays", ()))
+    stays = tuple(spec.get("stays", ()))
     known = {name for place, _ in scenario.signals() for name in (place.partition(".")[2], place.split(".")[1])} | set(SLOTS)
     for name in stays:
         if name not in known:
@@ -216,8 +216,8 @@ class UncertainRuns:
             raise NameNotFoundError(f"'{node}' was not kept.{nearest(path, self.nodes)} Name it in 'nodes'.", self.title)
         if len(self.failed) == len(self):
             raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
-        found: Array = self.temperatures[self.reached, self.nodes.index(path)]
-        return found
+        traces: Array = self.temperatures[self.reached, self.nodes.index(path)]
+        return traces
 
     @cached_property
     def reached(self) -> NDArray[np.int64]:
@@ -230,8 +230,8 @@ class UncertainRuns:
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
-        own = self.turnings.get(self.job.model.canonical(node))
-        return own.taken(self.reached, len(self)) if own is not None else None
+        points = self.turnings.get(self.job.model.canonical(node))
+        return points.taken(self.reached, len(self)) if points is not None else None
 
     def furthest(self, node: str, sign: float = 1.0) -> Array:
         """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
-
-if TYPE_CHECKING:
-    from thermid.profiles.profile import ThermalProfile
-    from thermid.simulation.scenarios.scenario import Scenario
-    from thermid.simulation.solution import Solution, Trace
+from thermid.profiles.profile import ThermalProfile
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solution import Solution, Trace
 
 Array = NDArray[np.float64]
 
@@ -155,7 +153,8 @@ class ProfileRun:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader must know: of the profile, of the run, of the solution."""
-        return run_remarks(self)
+        said = (*_level(self), *_ramp(self), *_unfinished(self), *_wet(self))
+        return (*self.profile.check(self.cycles_beside), *self.notes, *said, *self.solution.warnings)
 
     def as_object(self) -> dict[str, Any]:
         """Return the run as JSON holds it: SI units, temperatures in Celsius where a key ends in ``_C``."""
@@ -230,19 +229,6 @@ SMALL = 0.5
 """What is left unfinished and not worth a remark. [K]"""
 
 
-def run_remarks(run: ProfileRun) -> tuple[str, ...]:
-    """Return the remarks about a run."""
-    return (
-        *run.profile.check(run.cycles_beside),
-        *run.notes,
-        *_level(run),
-        *_ramp(run),
-        *_unfinished(run),
-        *_wet(run),
-        *run.solution.warnings,
-    )
-
-
 def in_short(run: ProfileRun) -> tuple[str, ...]:
     """Return what belongs beside the verdict of a run: cycles, what dwells leave unfinished, where water settles."""
     return (*run.profile.check(run.cycles_beside), *_unfinished(run), *_wettest(run))
@@ -250,10 +236,10 @@ def in_short(run: ProfileRun) -> tuple[str, ...]:
 
 def _wettest(run: ProfileRun) -> Iterator[str]:
     """Say in one line where most water settles."""
-    found = [s for s in run.moisture.surfaces.values() if s.condensing > 0.0] if run.moisture is not None else []
-    if found:
-        worst, wet = max(found, key=lambda s: float(s.film.max())), max(s.wet for s in found)
-        many = f"{len(found)} surfaces" if len(found) > 1 else "one surface"
+    wet_surfaces = [s for s in run.moisture.surfaces.values() if s.condensing > 0.0] if run.moisture is not None else []
+    if wet_surfaces:
+        worst, wet = max(wet_surfaces, key=lambda s: float(s.film.max())), max(s.wet for s in wet_surfaces)
+        many = f"{len(wet_surfaces)} surfaces" if len(wet_surfaces) > 1 else "one surface"
         film = _film(float(worst.film.max()))
         yield f"water settles on {many}, most on '{worst.surface}': {film}; wet for {duration_text(wet)} at most"
 
@@ -299,9 +285,9 @@ def _ramp(run: ProfileRun) -> Iterator[str]:
 
 def _unfinished(run: ProfileRun) -> Iterator[str]:
     """Say what the rule of stability left to go when a dwell began."""
-    left = [p for p in run.phases if p.kind == "wait" and p.unfinished is not None and abs(p.unfinished) >= SMALL]
-    if left:
-        worst = max(left, key=lambda p: abs(p.unfinished or 0.0))
+    waits = [p for p in run.phases if p.kind == "wait" and p.unfinished is not None and abs(p.unfinished) >= SMALL]
+    if waits:
+        worst = max(waits, key=lambda p: abs(p.unfinished or 0.0))
         yield (
             f"when '{worst.rule}' held in '{worst.name}', '{worst.furthest}' was still {abs(worst.unfinished or 0.0):.1f} K from where it "
             "settles: the dwell begins before the unit is at its temperature"

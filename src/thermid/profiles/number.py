@@ -85,7 +85,7 @@ class Number:
         return f"{v:.6g}" if self.slot == "1" else f"{v:.6g} [{self.slot}]"
 
 
-def number(name: str, given: Any, mark: str, clause: str, where: str) -> Number:
+def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     """Return a number from what a file or a caller writes: a value, or a table of value, mark, clause and note.
 
     Raises
@@ -94,25 +94,25 @@ def number(name: str, given: Any, mark: str, clause: str, where: str) -> Number:
     UnitError       When its unit does not fit.
     """
     place = f"{where}, {name}"
-    if isinstance(given, Number):
-        return given
+    if isinstance(spec, Number):
+        return spec
     if name not in SLOTS and name not in WORDS:
         raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", where)
     note = ""
-    if isinstance(given, Mapping):
-        unknown = set(given) - {"value", "mark", "clause", "note"}
-        if unknown or "value" not in given:
+    if isinstance(spec, Mapping):
+        unknown = set(spec) - {"value", "mark", "clause", "note"}
+        if unknown or "value" not in spec:
             raise ScenarioError("a number is a value, or a table of value, mark, clause and note.", place)
-        mark, clause, note = given.get("mark", mark), given.get("clause", clause), given.get("note", "")
-        given = given["value"]
+        mark, clause, note = spec.get("mark", mark), spec.get("clause", clause), spec.get("note", "")
+        spec = spec["value"]
     check_mark(mark, place)
     if name in WORDS:
-        if not isinstance(given, str) or (WORDS[name] and given not in WORDS[name]):
-            raise ScenarioError(f"{given!r} is none of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
-        return Number(given, "", mark, clause, note)
-    if isinstance(given, bool) or not isinstance(given, str | int | float):
-        raise ScenarioError(f"{given!r} is no value with a unit.", place)
-    value = literal(given, SLOTS[name], place) if isinstance(given, str) else float(given)
+        if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
+            raise ScenarioError(f"{spec!r} is none of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
+        return Number(spec, "", mark, clause, note)
+    if isinstance(spec, bool) or not isinstance(spec, str | int | float):
+        raise ScenarioError(f"{spec!r} is no value with a unit.", place)
+    value = literal(spec, SLOTS[name], place) if isinstance(spec, str) else float(spec)
     if SLOTS[name] != TEMPERATURE and value < 0.0:
-        raise ScenarioError(f"{given!r} is below zero.", place)
+        raise ScenarioError(f"{spec!r} is below zero.", place)
     return Number(value, SLOTS[name], mark, clause, note)

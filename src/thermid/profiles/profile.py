@@ -112,25 +112,6 @@ class ProfileStep:
     mark: str = "read"
 
 
-def steps_of(profile: ThermalProfile) -> tuple[ProfileStep, ...]:
-    """Return the steps of a profile, every cycle written out.
-
-    Raises
-    ------
-    ScenarioError   When a number that the steps need is missing.
-    """
-    count = int(profile.value("cycles"))
-    if count < 1 or count != profile.value("cycles"):
-        raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {profile['cycles'].text}.", profile.title)
-    if not profile.plan:
-        return tuple(_cycling(profile, count))
-    out: list[ProfileStep] = []
-    for k in range(1, count + 1):
-        written = (_read(profile, row, f"{profile.title}, step {n}") for n, row in enumerate(profile.plan, 1))
-        out += [replace(s, cycle=s.cycle or k) for s in written]
-    return tuple(out)
-
-
 def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
     """Return a step as a file writes it; a value may be the name of a number of the profile."""
     for key in row:
@@ -138,15 +119,15 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
             raise ScenarioError(f"a step has no '{key}'; it has {', '.join(STEP_KEYS)}.{nearest(key, STEP_KEYS)}", where)
 
     def value(key: str, slot: str) -> float | None:
-        given = row.get(key)
-        if given is None:
+        text = row.get(key)
+        if text is None:
             return None
-        if isinstance(given, str) and given in SLOTS:
-            return profile.value(given)
-        found = literal(given, slot, f"{where}, {key}")
-        if slot != TEMPERATURE and found < 0.0:
-            raise ScenarioError(f"{given!r} is below zero.", f"{where}, {key}")
-        return found
+        if isinstance(text, str) and text in SLOTS:
+            return profile.value(text)
+        quantity = literal(text, slot, f"{where}, {key}")
+        if slot != TEMPERATURE and quantity < 0.0:
+            raise ScenarioError(f"{text!r} is below zero.", f"{where}, {key}")
+        return quantity
 
     power = row.get("power")
     if power not in (None, "on", "off"):
@@ -199,23 +180,23 @@ def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float
 
     def at_ends(name: str) -> float:
         """Return a number that may be another in the first and the last cycle."""
-        own = f"{name}_ends" if k in (1, count) and profile.has(f"{name}_ends") else name
-        return value(own) if profile.has(own) else 0.0
+        name_at_ends = f"{name}_ends" if k in (1, count) and profile.has(f"{name}_ends") else name
+        return value(name_at_ends) if profile.has(name_at_ends) else 0.0
 
     starts = profile.word("starts", "never")
     start = starts == "each" or (starts == "first and last" and k in (1, count))
     dwell = value("dwell") if profile.has("dwell") else 0.0
     off = value("off") if start and profile.has("off") else 0.0
     operate = at_ends("operate") if side == "hot" and start else 0.0
-    left = max(at_ends("soak") - dwell - off, operate)
+    rest = max(at_ends("soak") - dwell - off, operate)
     yield ProfileStep(f"to {side}", k, value(side), None, ramp, wait=profile.has("stable"), power=powered)
     if start:
         if dwell:
             yield ProfileStep(f"{side} dwell", k, dwell=dwell)
         yield ProfileStep(f"{side}, off", k, dwell=off, power=False)
-        yield ProfileStep(f"{side} start", k, dwell=left, power=True)
-    elif dwell + left > 0.0:
-        yield ProfileStep(f"{side} soak" if not dwell else f"{side} dwell", k, dwell=dwell + left)
+        yield ProfileStep(f"{side} start", k, dwell=rest, power=True)
+    elif dwell + rest > 0.0:
+        yield ProfileStep(f"{side} soak" if not dwell else f"{side} dwell", k, dwell=dwell + rest)
 
 
 KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
@@ -303,8 +284,22 @@ class ThermalProfile:
 
     @property
     def steps(self) -> tuple[ProfileStep, ...]:
-        """What is done, one step after the other, every cycle written out."""
-        return steps_of(self)
+        """What is done, one step after the other, every cycle written out.
+
+        Raises
+        ------
+        ScenarioError   When a number that the steps need is missing.
+        """
+        count = int(self.value("cycles"))
+        if count < 1 or count != self.value("cycles"):
+            raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {self['cycles'].text}.", self.title)
+        if not self.plan:
+            return tuple(_cycling(self, count))
+        out: list[ProfileStep] = []
+        for k in range(1, count + 1):
+            written = (_read(self, row, f"{self.title}, step {n}") for n, row in enumerate(self.plan, 1))
+            out += [replace(s, cycle=s.cycle or k) for s in written]
+        return tuple(out)
 
     @property
     def used(self) -> Mapping[str, Number]:
@@ -351,8 +346,14 @@ class ThermalProfile:
         Parameters
         ----------
         beside : float  Cycles over the same range that other tests of the unit run.
+
+        Raises
+        ------
+        ScenarioError   When its levels stand in the wrong order.
         """
-        return remarks(self, beside)
+        if "hot" in self.used or "cold" in self.used:
+            ordered(self)
+        return (*_condensation(self), *_count(self, beside), *([] if self.decides else [self.trust]))
 
     def with_(
         self, *, predicted: Any = None, steps: Sequence[Mapping[str, Any]] | None = None, title: str = "", **numbers: Any
@@ -380,11 +381,11 @@ class ThermalProfile:
         return as_text(self)
 
 
-def pair_of(given: Any, where: str) -> tuple[float, float]:
+def pair_of(pair: Any, where: str) -> tuple[float, float]:
     """Return the predicted range (lowest, highest). [K]"""
-    if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 2:
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise ScenarioError("predicted is a pair: the lowest and the highest predicted temperature.", where)
-    low, high = (literal(v, TEMPERATURE, f"{where}, predicted") if isinstance(v, str) else float(v) for v in given)
+    low, high = (literal(v, TEMPERATURE, f"{where}, predicted") if isinstance(v, str) else float(v) for v in pair)
     if low >= high:
         raise ScenarioError(
             f"predicted: the lowest ({low - 273.15:g} degC) does not lie below the highest ({high - 273.15:g} degC).", where
@@ -475,18 +476,6 @@ def _table(row: Mapping[str, Any]) -> str:
     return "{ " + ", ".join(f"{k} = {one(v)}" for k, v in row.items()) + " }"
 
 
-def remarks(profile: ThermalProfile, beside: float = 0.0) -> tuple[str, ...]:
-    """Return the remarks about a profile; `beside` is how many cycles over its range other tests of the same unit run.
-
-    Raises
-    ------
-    ScenarioError   When its levels stand in the wrong order.
-    """
-    if "hot" in profile.used or "cold" in profile.used:
-        ordered(profile)
-    return (*_condensation(profile), *_count(profile, beside), *_trust(profile))
-
-
 def ordered(profile: ThermalProfile) -> None:
     """Check that cold lies below hot.
 
@@ -507,11 +496,11 @@ def _condensation(profile: ThermalProfile) -> Iterator[str]:
     if not low:
         return
     turns = [s.name.split(",")[0].removeprefix("to ") for s in profile.steps if s.target is not None and s.name.startswith("to ")]
-    for at, side in (("first", turns[0]), ("last", turns[-1])):
+    for place, side in (("first", turns[0]), ("last", turns[-1])):
         if side != "hot":
             yield (
-                f"the {at} half cycle is cold: the unit is colder than humid air can be when the door opens. SMC-S-016, 6.3.8.3 asks for "
-                "a first and a last half cycle that are hot, or for dry gas"
+                f"the {place} half cycle is cold: the unit is colder than humid air can be when the door opens. SMC-S-016, 6.3.8.3 asks "
+                "for a first and a last half cycle that are hot, or for dry gas"
             )
 
 
@@ -524,18 +513,13 @@ def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
     )
     low, high = profile.value("cold"), profile.value("hot")
     need = equivalent_cycles(low, high, law)
-    own = profile.value("cycles")
-    if need != law.cycles or own < need:
-        missing = need - own - beside
+    cycles = profile.value("cycles")
+    if need != law.cycles or cycles < need:
+        missing = need - cycles - beside
         yield (
             f"over {high - low:.4g} K the clause asks for {need} cycles in all ({law.cycles:g} ("
             + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "
-            f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {own:g}"
+            f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {cycles:g}"
             + (f" and other tests of the plan {beside:g}" if beside else "")
             + (f": {missing:g} are missing" if missing > 0 else "")
         )
-
-
-def _trust(profile: ThermalProfile) -> Iterator[str]:
-    if not profile.decides:
-        yield profile.trust

@@ -73,25 +73,30 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
         if not name:
             raise ScenarioError(f"{data['standard']} has several profiles; name one: {have}.", "profile")
         raise ScenarioError(f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile")
-    own = known[name]
-    base = known[own["like"]] if "like" in own else {}
-    levels = own.get("levels", {})
+    spec = known[name]
+    base = known[spec["like"]] if "like" in spec else {}
+    levels = spec.get("levels", {})
     if level and level not in levels:
         have = f"it has {', '.join(levels)}" if levels else "it has none"
         raise ScenarioError(f"'{name}' of {data['standard']} has no level '{level}'; {have}.{nearest(level, levels)}", "profile")
     level = level or next(iter(levels), "")
     title = ", ".join([f"{data['standard']} {name}", *([level] if level else [])])
     table = {**OWN_TABLE}
-    for part, clause in ((base, base.get("clause", "")), (own, own.get("clause", ""))):
+    for part, clause in ((base, base.get("clause", "")), (spec, spec.get("clause", ""))):
         table |= {k: number(k, v, data["mark"], clause, title) for k, v in part.get("numbers", {}).items()}
     table |= {
-        k: number(k, v, data["mark"], own["clause"] if "clause" in own else base["clause"], title) for k, v in levels.get(level, {}).items()
+        k: number(k, v, data["mark"], spec["clause"] if "clause" in spec else base["clause"], title)
+        for k, v in levels.get(level, {}).items()
     }
-    plan = tuple(own.get("steps", base.get("steps", ())))
-    kind, clause, note = own.get("kind", base.get("kind")), own.get("clause", base.get("clause", "")), own.get("note", base.get("note", ""))
+    plan = tuple(spec.get("steps", base.get("steps", ())))
+    kind, clause, note = (
+        spec.get("kind", base.get("kind")),
+        spec.get("clause", base.get("clause", "")),
+        spec.get("note", base.get("note", "")),
+    )
     pair = None if predicted is None else pair_of(predicted, title)
-    made = ThermalProfile(title, kind, data["standard"], data["edition"], clause, level, table, pair, plan, data["mark"], note)
-    return made.with_(**changes) if changes else made
+    profile = ThermalProfile(title, kind, data["standard"], data["edition"], clause, level, table, pair, plan, data["mark"], note)
+    return profile.with_(**changes) if changes else profile
 
 
 OWN_TABLE: Final[Mapping[str, Number]] = {k: number(k, v, "project", "", "profile") for k, v in OWN.items()}
@@ -124,25 +129,25 @@ def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> 
     for key in data:
         if key not in KEYS and key not in SLOTS and key not in WORDS:
             raise ScenarioError(f"a profile has no '{key}'.{nearest(key, [*KEYS, *SLOTS, *WORDS])}", place)
-    own = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
+    numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
         standard, name = _split(data["like"], place)
-        made = profile_of(standard, name, level=data.get("level", ""))
-        made = replace(made, title=data.get("title", made.title), note=data.get("note", made.note))
+        profile = profile_of(standard, name, level=data.get("level", ""))
+        profile = replace(profile, title=data.get("title", profile.title), note=data.get("note", profile.note))
     else:
         kind = data.get("kind", "thermal cycling")
         if kind not in KINDS:
             raise ScenarioError(f"there is no kind '{kind}'; there are {', '.join(KINDS)}.{nearest(str(kind), KINDS)}", place)
         standard, edition, clause, level = (str(data.get(k, "")) for k in ("standard", "edition", "clause", "level"))
-        made = ThermalProfile(data.get("title", stem), kind, standard, edition, clause, level, {**OWN_TABLE}, note=data.get("note", ""))
+        profile = ThermalProfile(data.get("title", stem), kind, standard, edition, clause, level, {**OWN_TABLE}, note=data.get("note", ""))
     mark = data.get("mark", "project")
-    new = {k: number(k, v, mark, "", place) for k, v in own.items()}
+    new = {k: number(k, v, mark, "", place) for k, v in numbers.items()}
     if "stable" in new:
         rule_of(str(new["stable"].value))
-    made = replace(made, numbers={**made.numbers, **new})
+    profile = replace(profile, numbers={**profile.numbers, **new})
     if "steps" in data:
-        made = replace(made, plan=tuple(data["steps"]), step_mark=mark)
-    return made if "predicted" not in data else replace(made, predicted=pair_of(data["predicted"], place))
+        profile = replace(profile, plan=tuple(data["steps"]), step_mark=mark)
+    return profile if "predicted" not in data else replace(profile, predicted=pair_of(data["predicted"], place))
 
 
 def _split(like: Any, where: str) -> tuple[str, str]:

@@ -68,14 +68,14 @@ def deliver(
     if target.exists() and any(target.iterdir()):
         raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once; give a new folder.")
     names, stages = [Path(s).name for s in scenarios], [v.stage for v in values]
-    for what, several in (("scenario files are named", names), ("files of values are of stage", stages)):
-        if twice := [n for n in dict.fromkeys(several) if several.count(n) > 1]:
+    for what, names_of in (("scenario files are named", names), ("files of values are of stage", stages)):
+        if twice := [n for n in dict.fromkeys(names_of) if names_of.count(n) > 1]:
             raise DeckError(f"two {what} '{twice[0]}', and a delivery keeps each under its name. Rename one, or leave it out.", model.title)
-    given = dict(zip(names, map(load_scenario, scenarios), strict=True))
-    if not given:
+    loaded = dict(zip(names, map(load_scenario, scenarios), strict=True))
+    if not loaded:
         raise DeckError("a delivery needs a scenario, to say what must come out.", model.title)
-    small = reduce(model, list(given.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
-    record = _record(model, given, small, at)
+    small = reduce(model, list(loaded.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
+    record = _record(model, loaded, small, at)
     with folder_replacing(target) as folder:
         for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
             (folder / name).mkdir()

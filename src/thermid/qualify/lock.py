@@ -102,15 +102,15 @@ def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str =
 
 def _beside(plan: Plan) -> list[str]:
     """Return the hashes of logs that other plans of the folder have looked at; a copy of a plan does not unsee them."""
-    own, found = _file(plan), set()
-    for file in sorted(own.parent.glob("*.lock.json")):
-        if file == own:
+    lock_file, hashes = _file(plan), set()
+    for file in sorted(lock_file.parent.glob("*.lock.json")):
+        if file == lock_file:
             continue
         try:
-            found |= {str(look["sha256"]) for look in json.loads(file.read_text(encoding="utf-8"))["looks"]}
+            hashes |= {str(look["sha256"]) for look in json.loads(file.read_text(encoding="utf-8"))["looks"]}
         except (ValueError, KeyError, TypeError):
             continue
-    return sorted(found)
+    return sorted(hashes)
 
 
 def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> str:

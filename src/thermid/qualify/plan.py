@@ -103,9 +103,9 @@ class Plan:
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
             return Known(model)
-        found = filed(resolve_inside(folder, source.values, "model.values"), model)
-        made = bool(found.values.provenance.get("synthetic", False))
-        return Known(found.model, (found.values,), synthetic=made, remarks=found.lines)
+        values = filed(resolve_inside(folder, source.values, "model.values"), model)
+        synthetic = bool(values.values.provenance.get("synthetic", False))
+        return Known(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
 
     def hosted(self, host: str) -> Known:
         """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""
@@ -119,8 +119,8 @@ class Plan:
         """Return the limits under their paths on a host."""
         if not host:
             return self.limits
-        at = self.content.hosts[host].unit
-        return tuple(replace(one, node=f"{at}.{one.node}", loads=tuple(f"{at}.{n}" for n in one.loads)) for one in self.limits)
+        unit = self.content.hosts[host].unit
+        return tuple(replace(one, node=f"{unit}.{one.node}", loads=tuple(f"{unit}.{n}" for n in one.loads)) for one in self.limits)
 
 
 def _flat(value: Any, path: str = "") -> list[tuple[str, str]]:
@@ -157,8 +157,8 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
             "the model is a deck, with a values file if there is one, or a stage of a campaign: campaign and stage.", where("model")
         )
     limits = _limits(content.limits, target.parent, where("limits"))
-    own = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
-    criteria = CRITERIA | own
+    project_sets = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
+    criteria = CRITERIA | project_sets
     check_parts(content, where)
     for k, test in enumerate(content.tests):
         check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
@@ -172,12 +172,12 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
 
 
-def _limits(given: str | Mapping[str, Any], folder: Path, where: str) -> tuple[Limits, ...]:
+def _limits(limits: str | Mapping[str, Any], folder: Path, where: str) -> tuple[Limits, ...]:
     """Return the limits of a plan; errors of a file of their own name the plan too."""
-    if not isinstance(given, str):
-        return read_limits(given, where)
+    if not isinstance(limits, str):
+        return read_limits(limits, where)
     try:
-        return load_limits(resolve_inside(folder, given, where))
+        return load_limits(resolve_inside(folder, limits, where))
     except ThermidError as error:
         raise error.within(where) from None
 
@@ -253,8 +253,8 @@ def _with_named(file: Path, logs: Path | None, seen: set[Path]) -> Iterator[Path
     yield file
     if file.suffix == ".toml":
         for key, text in _texts(read_toml(file)[0]):
-            for found in _found(key, text, file.parent, logs):
-                yield from _with_named(found, logs, seen)
+            for named in _found(key, text, file.parent, logs):
+                yield from _with_named(named, logs, seen)
 
 
 def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
@@ -304,10 +304,10 @@ def check_parts(content: PlanFile, where: Where) -> None:
                 f"'{name}' is excluded, but is no sensor.{nearest(name, content.sensors)}", where(f"exclusions.reasons.{name}")
             )
     for key, unit in RANGES.items():
-        given = getattr(content.validity, key)
-        ends = [literal(t, unit, where(f"validity.{key}")) for t in given]
-        if given and (len(ends) not in ((1, 2) if key == "gravity" else (2,)) or ends != sorted(ends)):
-            raise DeckError(f"where the model was calibrated is a pair, lowest first, not {given}.", where(f"validity.{key}"))
+        texts = getattr(content.validity, key)
+        ends = [literal(t, unit, where(f"validity.{key}")) for t in texts]
+        if texts and (len(ends) not in ((1, 2) if key == "gravity" else (2,)) or ends != sorted(ends)):
+            raise DeckError(f"where the model was calibrated is a pair, lowest first, not {texts}.", where(f"validity.{key}"))
 
 
 def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:

@@ -3,30 +3,54 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
-from thermid.prediction.budget import SILENT, UNFITTED
-from thermid.prediction.foresight import IN_TESTS, widened
-from thermid.qualify.assumptions import Assumption, effects, ranked, uncounted
+from thermid.model.parts.standing import Standing
+from thermid.model.tree.tree import parameter_table
+from thermid.prediction.budget import SILENT, UNFITTED, assumed_values
+from thermid.prediction.foresight import IN_TESTS, Foresight, widened
+from thermid.prediction.known import Known
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.plan import Plan, load_plan
-from thermid.qualify.trial import Trial
-from thermid.qualify.trying import tried
+from thermid.qualify.trial import Trial, run_test
+from thermid.simulation.simulator import prepare
 from thermid.sourced import weigh
 from thermid.units import counted
 
-if TYPE_CHECKING:
-    from thermid.model.parts.standing import Standing
-    from thermid.prediction.known import Known
+
+@dataclass(frozen=True)
+class Assumption:
+    """An assumed value and what it does.
+
+    Parameters
+    ----------
+    path, text, basis : str     In the model; as written; what the deck says that it rests on.
+    spread : float              Standard deviation over the value, by its range or a tenth. [-]
+    effect : float              What that does to the point that it moves most, everything else held. [K]
+    point, run : str            Where and in which run.
+    ranged : bool               Whether the deck gave the range.
+    fitted_around : bool        Whether values of the same part were fitted with it; then they take up most of a change.
+    """
+
+    path: str
+    text: str
+    basis: str
+    spread: float
+    effect: float
+    point: str
+    run: str
+    ranged: bool
+    fitted_around: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +77,10 @@ class Qualification:
 
     def __getitem__(self, name: str) -> Trial:
         """Return a test by its name."""
-        found = {t.test.name: t for t in self.trials}
-        if name not in found:
-            raise NameNotFoundError(f"the plan has no test '{name}'.{nearest(name, found)}", self.plan.title)
-        return found[name]
+        trials = {t.test.name: t for t in self.trials}
+        if name not in trials:
+            raise NameNotFoundError(f"the plan has no test '{name}'.{nearest(name, trials)}", self.plan.title)
+        return trials[name]
 
     @property
     def service(self) -> tuple[Trial, ...]:
@@ -107,13 +131,13 @@ class Qualification:
     @cached_property
     def worst(self) -> tuple[str, str, float, float] | None:
         """Reference point, test, time [s] and room [K] that come nearest to a limit or pass it furthest."""
-        found = [
+        rooms = [
             (c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room)
             for t in self.trials
             for c in t.checks
             if np.isfinite(c.room)
         ]
-        return min(found, key=lambda f: f[3], default=None)
+        return min(rooms, key=lambda f: f[3], default=None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return verdicts, limits, margins and assumptions as plain numbers, temperatures in Celsius where a key ends in ``_C``."""
@@ -137,11 +161,11 @@ class Qualification:
 
     def _left_out(self) -> dict[str, str]:
         """Return what the uncertainty of margins does not hold -> which margins."""
-        found: dict[str, list[str]] = {}
+        margins_by_cause: dict[str, list[str]] = {}
         for m in self.margins:
             for what in m.not_counted:
-                found.setdefault(what, []).append(f"{m.point} ({m.side})")
-        return {what: "any margin" if len(those) == len(self.margins) else ", ".join(those) for what, those in found.items()}
+                margins_by_cause.setdefault(what, []).append(f"{m.point} ({m.side})")
+        return {what: "any margin" if len(those) == len(self.margins) else ", ".join(those) for what, those in margins_by_cause.items()}
 
     def __str__(self) -> str:
         """Return the verdicts as text."""
@@ -193,38 +217,38 @@ def run_plan(
     ------
     ThermidError   When the plan does not hold together, or a log does not fit its test.
     """
-    given = plan if isinstance(plan, Plan) else load_plan(plan, data)
+    loaded = plan if isinstance(plan, Plan) else load_plan(plan, data)
     trials = []
-    for test in given.tests:
+    for test in loaded.tests:
         if notice is not None:
             notice(test.name)
         try:
-            trial = tried(given, test)
+            trial = run_test(loaded, test)
         except ThermidError as error:
-            raise error.within(f"{given.path.name}, test '{test.name}'") from None
+            raise error.within(f"{loaded.path.name}, test '{test.name}'") from None
         if trial.log_sha256:
-            other = note_look(given, test.name, trial.log_sha256)
+            other = note_look(loaded, test.name, trial.log_sha256)
             why = "see its deviations" if test.deviations else "say in its deviations what was changed in it, and why"
             said = f"its log is not the one that was first looked at, on {other}: {why}"
             trial = replace(trial, remarks=(*trial.remarks, said)) if other else trial
         trials.append(trial)
     trials = _alike(_informed(trials))
-    found = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
-    every = [a for several in found.values() for a in several]
-    margin = tuple(_margins(given, trials, every))
-    return Qualification(given, lock_status(given), tuple(trials), margin, ranked(every), given.limits, tuple(accept))
+    effects_by_test = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
+    every = [a for several in effects_by_test.values() for a in several]
+    margin = tuple(_margins(loaded, trials, every))
+    return Qualification(loaded, lock_status(loaded), tuple(trials), margin, ranked(every), loaded.limits, tuple(accept))
 
 
 def _informed(trials: Sequence[Trial]) -> list[Trial]:
     """Return the tests with what the model could not follow in the logs that have come back added to what is expected of all."""
-    found: dict[str, list[float]] = {}
+    squares: dict[str, list[float]] = {}
     for t in (t for t in trials if t.correlation is not None):
         assert t.correlation is not None
         ahead = f"{t.known.at}." if t.known.at else ""
         counted = [o for o in t.correlation.overlays if o.sensor not in t.correlation.exclusions.reasons and o.node]
         for o in counted:
-            found.setdefault(o.node.removeprefix(ahead), []).append(float(np.mean(o.residuals**2)))
-    sizes = {n: float(np.sqrt(np.mean(several))) for n, several in found.items()}
+            squares.setdefault(o.node.removeprefix(ahead), []).append(float(np.mean(o.residuals**2)))
+    sizes = {n: float(np.sqrt(np.mean(means))) for n, means in squares.items()}
 
     def under(t: Trial) -> dict[str, float]:
         ahead = f"{t.known.at}." if t.known.at else ""
@@ -253,7 +277,7 @@ def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -
     """Return the tightest margin of every reference point on each side over the service cases."""
     out: list[Margin] = []
     for one in plan.limits:
-        own: list[Margin] = []
+        candidates: list[Margin] = []
         for t in service_of(trials):
             (here,) = (x for x in t.limits if x.point == one.point)
             state = {t.test.name: "operating" if t.test.operating else "non-operating"}
@@ -262,9 +286,9 @@ def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -
             )
             mark = "read" if t.course is None or t.course.decides else "memory"
             moved = uncounted(every, one.point, t.test.name, _stated(t))
-            own += [replace(m, course_mark=mark, assumed=moved, not_counted=_not_counted(t, m, moved)) for m in more]
+            candidates += [replace(m, course_mark=mark, assumed=moved, not_counted=_not_counted(t, m, moved)) for m in more]
         for side in ("cold", "hot"):
-            out += sorted((m for m in own if m.side == side), key=lambda m: m.with_assumed)[:1]
+            out += sorted((m for m in candidates if m.side == side), key=lambda m: m.with_assumed)[:1]
     return out
 
 
@@ -285,3 +309,58 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     if moved >= 0.05:
         out.append(f"assumed values that no spread names, up to {moved:.1f} K")
     return tuple(out)
+
+
+def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
+    """Return every assumed value once, where it moves a reference point most, the largest effect first."""
+    best: dict[str, Assumption] = {}
+    for a in effects_:
+        if a.path not in best or a.effect > best[a.path].effect:
+            best[a.path] = a
+    return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
+
+
+def effects(known: Known, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
+    """Every assumed value at every reference point in one run; a value that a fit was made around moves less, for the fitted take up most.
+
+    Parameters
+    ----------
+    known : Known       The model.
+    name : str          Of the run.
+    run : Foresight     What is expected of it.
+    nodes : dict        Node -> name of its reference point.
+    """
+    model = known.model
+    ahead = f"{known.at}." if known.at else ""
+    fitted = {ahead + p for v in known.values for p in (*v, *(q for w in v.values() for q in w.also))}
+    table = parameter_table(model)
+    loose = assumed_values(model, run.scenario, fitted)
+    if not loose:
+        return []
+    times = run.solution.times[:: max(1, run.solution.times.size // 60)]
+    ready = prepare(model, run.scenario, [a.path for a in loose], times=times)
+    solution = ready.run(sensitivities=True)
+    slopes = {n: np.abs(solution.slopes(n)).max(axis=0) for n in nodes}
+    out = []
+    numbers = ready.wiring.network.numbers().values
+    for k, one in enumerate(loose):
+        path, parameter, value = one.path, table[one.path].parameter, abs(float(value_of(numbers[one.path])))
+        key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
+        for node, point in nodes.items():
+            effect = float(slopes[node][k]) * one.size
+            out.append(Assumption(key, parameter.text, parameter.basis, one.size / value, effect, point, name, one.ranged, around))
+    return out
+
+
+def uncounted(effects_: Sequence[Assumption], point: str, run: str, stated: Sequence[str]) -> float:
+    """Return what assumed values that no fit was made around, and that no spread names, may move a point by: 95 %, together. [K]
+
+    Parameters
+    ----------
+    effects_ : sequence Of `effects`.
+    point, run : str    Reference point and run.
+    stated : sequence   Names that are spread in that run, as in the model; ``scale.<load>`` stands for the load's power.
+    """
+    names = {*stated, *(f"{n.removeprefix('scale.')}.power" for n in stated if n.startswith("scale."))}
+    sizes = [a.effect for a in effects_ if (a.point, a.run) == (point, run) and not a.fitted_around and a.path not in names]
+    return 1.96 * float(np.sqrt(np.sum(np.square(sizes))))

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from thermid.measure.record.channel import FloatArray
-from thermid.measure.record.steadiness import correlation_factor
+from thermid.measure.record.steadiness import effective_samples
 from thermid.memo import Memo
 
 BINS: Final = 120
@@ -208,8 +208,8 @@ def approach(
     fits = [_ridge(x, medians - middle, scale, taus.shape[1], 1e-6 * scale) for x in designs]
     best = int(np.argmin([f[2] @ f[2] for f in fits]))
     left = fits[best][2]
-    factor = correlation_factor(left, designs[best].shape[1] + 2)
-    worth = medians.size / factor
+    worth = effective_samples(left, designs[best].shape[1] + 2)
+    factor = medians.size / worth
     noise = float(np.sqrt(left @ left / max(medians.size - factor * (designs[best].shape[1] + 2), medians.size / 4.0)))
     noise = max(noise, scatter / 12.0, 1e-6 * scale)
     size = float(np.hypot(noise, bent * np.ptp(medians)) * factor**0.5)

@@ -19,7 +19,7 @@ from thermid.prediction.predict import Band
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.qualify.plan import load_plan
-from thermid.qualify.trying import tried
+from thermid.qualify.trial import run_test
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
@@ -135,7 +135,7 @@ def _tested(course: Course, told: Told) -> Outcome:
     file, name = course.of
     plan = load_plan(file)
     test = next(t for t in plan.tests if t.name == name)
-    trial = tried(plan, test.model_copy(update={"log": None}), told)
+    trial = run_test(plan, test.model_copy(update={"log": None}), told)
     state, policy = "operating" if test.operating else "non-operating", plan.content.margins
     found = margins({name: trial.foresight}, trial.limits, policy.policy, tested=policy.balance_tested, states={name: state})
     bands = trial.foresight.prediction.bands

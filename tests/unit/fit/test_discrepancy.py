@@ -10,7 +10,7 @@ import pytest
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import EXPONENT, Discrepancy, discrepancy, found_at
+from thermid.fit.discrepancy import EXPONENT, Discrepancy, discrepancy, operating_points
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model
@@ -166,11 +166,11 @@ def test_draws_hold_it_too(constant: Calibration) -> None:
 def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calibration, tmp_path: object) -> None:
     path = f"{tmp_path}/one.values.toml"
     constant.save(path)
-    at = found_at(load_values(path))["skin"]
+    at = operating_points(load_values(path).provenance)["skin"]
     assert at == discrepancy(constant).conditions["skin"]
     assert str(at) == f"{at.difference:.2g} K at {at.level - 273.15:.0f} degC"
     assert 8.0 < at.difference < 13.3
-    assert found_at(values_at(constant.values, "a")) == {"a.skin": at}
+    assert operating_points(values_at(constant.values, "a").provenance) == {"a.skin": at}
 
 
 def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:

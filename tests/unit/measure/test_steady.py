@@ -7,7 +7,7 @@ import pytest
 
 from thermid.errors import NameNotFoundError, RecordError
 from thermid.measure import Channel, Record
-from thermid.measure.record.steadiness import correlation_factor
+from thermid.measure.record.steadiness import effective_samples
 
 TAU, END = 3600.0, 313.15
 
@@ -103,6 +103,6 @@ def test_as_a_record_of_two_readings_that_weigh_as_one() -> None:
 
 def test_correlation_of_white_and_of_constant_noise() -> None:
     white = np.random.default_rng(2).standard_normal(4000)
-    assert correlation_factor(white) == pytest.approx(1.0, abs=0.15)
-    assert correlation_factor(np.zeros(10)) == 1.0
-    assert correlation_factor(np.sin(np.linspace(0, 3, 100))) > 20
+    assert white.size / effective_samples(white) == pytest.approx(1.0, abs=0.15)
+    assert effective_samples(np.zeros(10)) == 10.0
+    assert effective_samples(np.sin(np.linspace(0, 3, 100))) < 5

@@ -11,10 +11,10 @@ import thermid as td
 from thermid.judge.correlation import Overlay
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
-from thermid.qualify.assumptions import extrapolations, uncounted
 from thermid.qualify.plan_schema import TestTable as Planned
 from thermid.qualify.plan_schema import ValidityTable
-from thermid.qualify.trying import dwells, exchanged, not_covered, not_reached
+from thermid.qualify.programme import uncounted
+from thermid.qualify.trial import dwells, exchanged, extrapolations, not_covered, not_reached
 from unit.qualify.things import soak, unit
 
 HOUR = 3600.0

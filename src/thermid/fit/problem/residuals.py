@@ -491,6 +491,11 @@ class Problem:
         """Independent samples that they are worth by what is said of their noise."""
         return sum(o.effective_samples for e in self.experiments for o in e.observations)
 
+    @property
+    def freedom(self) -> float:
+        """Independent samples less unknowns."""
+        return self.effective_samples - len(self.unknowns)
+
     def square(self, found: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
         sigma = [o.sigma(self.noise) for o in self.observations()]

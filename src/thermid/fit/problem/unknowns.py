@@ -97,6 +97,11 @@ class Unknown:
         return low, math.log(self.high) if math.isfinite(self.high) else math.inf
 
 
+def starting_point(unknowns: Sequence[Unknown]) -> Array:
+    """Return the starts (unknowns,) in the fitted form."""
+    return np.array([u.to_fitted(u.start) for u in unknowns])
+
+
 def parameter_unknown(
     path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
 ) -> Unknown:

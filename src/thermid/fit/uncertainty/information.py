@@ -18,7 +18,7 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values import rooted
-from thermid.linear_algebra import covariance, rank
+from thermid.linear_algebra import covariance, finite, rank
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.solver.problem import Options
 
@@ -268,25 +268,24 @@ def responses(request: Request, problem: Problem, found: Fit, level: float, rand
     """
     unknowns = problem.unknowns
     unlimited = ~np.isfinite(np.diag(weights))
-    finite = np.where(np.isfinite(weights), weights, 0.0)
-    noise = np.where(np.isfinite(random), random, 0.0)
+    gain, noise = finite(weights), finite(random)
     before = known_before(request, unknowns)
     table = _Table()
     if before.at.size:
         root = before.root
-        table.add(before.sources, finite[:, before.at] @ (root.T @ root) @ before.rows)
+        table.add(before.sources, gain[:, before.at] @ (root.T @ root) @ before.rows)
     below = set(before.at.tolist())
     for k, u in enumerate(unknowns):
         if u.prior is None or (k in below and u.kind != "parameter"):
             continue
-        own = finite[:, [k]] / u.prior.sd
+        own = gain[:, [k]] / u.prior.sd
         if u.kind == "local":
             noise = noise + own @ own.T
         else:
             table.add((_stated(request, u),), own)
     held = _fixed(request, unknowns)
     if held and unknowns:
-        _consider(table, request, problem, found, held, finite / level)
+        _consider(table, request, problem, found, held, gain / level)
     rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
     return Responses(rows, tuple(table.sources.values()), noise, unlimited)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Bench, Problem, loss_of
-from thermid.linear_algebra import square_root
+from thermid.linear_algebra import finite, square_root
 from thermid.model.laws.signal import Constant, Signal, Table
 from thermid.model.tree.flat import FlatLoad
 
@@ -212,11 +212,11 @@ def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: fl
 def autocorrelation_of_traces(pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float) -> Autocorrelation:
     """Return the same of traces in stretches of time; `effective_samples` are those of all by what is said of their noise."""
     size = found.fitted.size
-    weights = covariances(found)[2]
+    weights = finite(covariances(found)[2])
     # directions without information count as decided by each trace alone
-    known = square_root(np.where(np.isfinite(weights), weights, 0.0))
+    known = square_root(weights)
     # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
-    taken = float(np.trace(np.where(np.isfinite(weights), weights, 0.0) @ found.jacobian.T @ found.jacobian))
+    taken = float(np.trace(weights @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
     parts = {key: _parts(b, known, alike) for key, b in pieces.items()}
     calm = [key for key, (white, _, _) in parts.items() if white == 0.0]

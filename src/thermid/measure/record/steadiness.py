@@ -115,8 +115,11 @@ def rule_of(rule: str | StabilityRule) -> StabilityRule:
     return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
 
 
-def correlation_factor(residuals: FloatArray, fitted: int = 2) -> float:
-    """Return how many readings are worth one: 1 + 2 times the sum of autocorrelations, over pairs of lags while their sum is above zero.
+def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
+    """Effective sample size: how many independent readings would say as much of a mean or a line.
+
+    It is n / (1 + 2 sum of the autocorrelations), over pairs of lags while their sum is above zero; of the residuals of a fit, whose
+    derivatives say what the fit took, see `fit.uncertainty.noise`.
 
     Residuals about a mean or a line look less correlated than the noise is: each of the `fitted` numbers takes one share of the whole sum
     off every lag, and is given back here.
@@ -129,7 +132,7 @@ def correlation_factor(residuals: FloatArray, fitted: int = 2) -> float:
     n = residuals.size
     power = float(residuals @ residuals)
     if n < 4 or power <= 0:
-        return 1.0
+        return float(n)
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(residuals, size)) ** 2
     rho = np.fft.irfft(spectrum, size)[:n] / power * (n / np.arange(n, 0, -1))
@@ -140,7 +143,7 @@ def correlation_factor(residuals: FloatArray, fitted: int = 2) -> float:
         ends = np.flatnonzero(pairs <= 2.0 * share)
         kept = pairs[: int(ends[0])] if ends.size else pairs
         factor = float(min(max(1.0, 2.0 * kept.sum() - 1.0), n / 4.0))
-    return factor
+    return n / factor
 
 
 def verdict_of(size: float, error: float, allowed: float) -> str:
@@ -192,8 +195,8 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what
     x = t - t.mean()
     rate = float(x @ y / (x @ x))
     residuals = y - y.mean() - rate * x
-    factor = correlation_factor(residuals)
-    worth = y.size / factor
+    worth = effective_samples(residuals)
+    factor = y.size / worth
     scatter = float(np.sqrt(residuals @ residuals / (y.size - 2.0 * factor)))
     # few readings do not know their own spread: Student's distribution of n degrees of freedom is wider by sqrt(n / (n - 2))
     free = max(worth - 2.0, 3.0)

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermid.qualify.programme import Qualification
-from thermid.qualify.trial import Trial
-from thermid.qualify.trying import sensors_of
+from thermid.qualify.trial import Trial, sensors_of
 from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
 from thermid.reporting.blocks.sections import Block, as_block, folded
 from thermid.reporting.qualification.cells import celsius, hours, mark, verdict
