@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 Array = NDArray[np.float64]
 HOUR = 3600.0
@@ -44,7 +44,7 @@ def room(kind: str, noise: float = 0.05, duration: float = HOUR) -> Any:
         return "295 [K]"
     times = np.linspace(0.0, duration, 300 if kind == "smooth" else int(duration) + 1)
     scatter = np.random.default_rng(1).standard_normal(times.size) * (noise if kind == "noisy" else 0.0)
-    return Table(times, 295.0 + np.sin(2.0 * np.pi * times / HOUR) + scatter)
+    return TableSignal(times, 295.0 + np.sin(2.0 * np.pi * times / HOUR) + scatter)
 
 
 def outputs(kind: str, duration: float = HOUR) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 Array = NDArray[np.float64]
 T0 = 297.15
@@ -98,4 +98,4 @@ def room(noisy: bool = True, seed: int = 1, samples: int = 18001) -> Array:
 def scenario(noisy: bool = True) -> td.Scenario:
     """Return five hours in that room, from rest at 24 degC."""
     values = room(noisy)
-    return td.Scenario("room", boundaries={"air": Table(np.arange(values.size, dtype=float), values)}, start=T0, duration=DURATION)
+    return td.Scenario("room", boundaries={"air": TableSignal(np.arange(values.size, dtype=float), values)}, start=T0, duration=DURATION)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import thermid as td
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 PART = """
 title  = "part"
@@ -117,7 +117,7 @@ def _log(folder: Path, name: str, deck: str, sensors: dict[str, str], powers: di
     times = np.arange(0.0, END + 1.0, STEP)
     model = td.load_model(folder / f"{deck}.toml").with_values(TRUTH[deck])
     room = 295.15 + 0.8 * np.sin(times / 2500.0)
-    loads = {load: Table(times, watts, hold=True) for load, watts in powers.values()}
+    loads = {load: TableSignal(times, watts, hold=True) for load, watts in powers.values()}
     run = td.simulate(model, td.Scenario(name, boundaries={"air": (times, room)}, loads=loads, start="air", duration=END), times=times)
     columns = {s: run[n].celsius + OFFSETS[s] + 0.03 * rng.standard_normal(times.size) for s, n in sensors.items()}
     columns["T_LAB" if deck == "part" else "T_ROOM"] = room - 273.15 + OFFSETS["T_ROOM"]

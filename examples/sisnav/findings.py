@@ -10,7 +10,7 @@ from work import BENCH, HERE, HOUR, LEVEL, LEVEL_OF, LEVELS, PLACES, Vacuum, Wor
 
 import thermid as td
 from thermid.physics.htc import BIOT_LIMIT
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number
 
 PRINTED_SETTLING = {"Acc": 4.0, "FOG_l": 5.0, "EleGFO": 5.0, "ProcSISNAV": 5.0}
 """After how long the document says that a component is steady; FOG_h 'slower than FOG_l'. [h]"""
@@ -35,7 +35,11 @@ def table_2(work: Work) -> Table:
             found = work.effective(stage, surface)
             lines[2].append(Cell(f"{found.value:.2f} ± {found.error:.2f}", "effective, where the part settles on the bench", "main"))
         rows += lines
-    columns = [Column("part"), Column("W/(m² K)"), *(Column("full model (Sd)" if level == "Sd" else level, True) for level in LEVELS)]
+    columns = [
+        Head("part"),
+        Head("W/(m² K)"),
+        *(Head("full model (Sd)" if level == "Sd" else level, True) for level in LEVELS),
+    ]
     caption = "A dash: not given. Natural: convection and radiation together, where the part settles, ± one standard error."
     return Table.of(columns, rows, caption)
 
@@ -62,8 +66,8 @@ def verdicts(work: Work) -> Table:
             rows.append(
                 [first, other.record if k == 0 else "", check.sensor, "RMSE" if noisy else "largest error", *cells, f"{check.limit:g}"]
             )
-    columns = [Column("model"), Column("held-out log"), Column("sensor"), Column("criterion")]
-    columns += [Column("constant, K", True), Column("natural, K", True), Column("limit, K", True)]
+    columns = [Head("model"), Head("held-out log"), Head("sensor"), Head("criterion")]
+    columns += [Head("constant, K", True), Head("natural, K", True), Head("limit, K", True)]
     return Table.of(
         columns, rows, "Errors of readings. The accelerometer channel has 0.35 K of noise; its limit is on the root mean square."
     )
@@ -78,8 +82,14 @@ def recovered(work: Work) -> Table:
         told = "not told by the data: its prior" if share > 30 else "weakly" if share > 10 else "yes"
         numbers = [number(r.found.value, 4), f"± {number(2 * r.found.error, 2)}", number(r.truth, 4)]
         rows.append([Cell(r.stage, "", "main"), r.name, *numbers, r.unit, look, told])
-    columns = [Column("stage"), Column("value"), Column("found", True), Column("two standard errors", True), Column("hidden truth", True)]
-    return Table.of([*columns, Column("unit"), Column("truth"), Column("identifiable")], rows)
+    columns = [
+        Head("stage"),
+        Head("value"),
+        Head("found", True),
+        Head("two standard errors", True),
+        Head("hidden truth", True),
+    ]
+    return Table.of([*columns, Head("unit"), Head("truth"), Head("identifiable")], rows)
 
 
 def vacuums(runs: Iterable[Vacuum]) -> Table:
@@ -95,18 +105,18 @@ def vacuums(runs: Iterable[Vacuum]) -> Table:
             ]
         )
     columns = [
-        Column("node"),
-        Column("after 5 h, °C", True),
-        Column("low, °C", True),
-        Column("high, °C", True),
-        Column("hidden truth, °C", True),
-        Column("truth"),
+        Head("node"),
+        Head("after 5 h, °C", True),
+        Head("low, °C", True),
+        Head("high, °C", True),
+        Head("hidden truth, °C", True),
+        Head("truth"),
     ]
     columns += [
-        Column("beyond on the way, K", True),
-        Column("half-width, % of rise", True),
-        Column("as printed, °C", True),
-        Column("settles at, °C", True),
+        Head("beyond on the way, K", True),
+        Head("half-width, % of rise", True),
+        Head("as printed, °C", True),
+        Head("settles at, °C", True),
     ]
     return Table.of(
         columns, rows, "95 % interval from the covariance of all fitted values, emissivities among them, and from the power meters."
@@ -135,8 +145,13 @@ def settling(work: Work) -> Table:
             f"{needed / 60:.1f}" if hours else DASH,
         ]
         rows.append([Cell(part, "", "main"), *times, f"{fitted / 60:.1f}", flag])
-    columns = [Column("component"), Column("m c/(h A), min", True), Column("99 % after, h", True), Column("document says, h", True)]
-    columns += [Column("implied, min", True), Column("found on the synthetic log, min", True), Column("")]
+    columns = [
+        Head("component"),
+        Head("m c/(h A), min", True),
+        Head("99 % after, h", True),
+        Head("document says, h", True),
+    ]
+    columns += [Head("implied, min", True), Head("found on the synthetic log, min", True), Head("")]
     return Table.of(columns, rows, "Implied: the time constant whose 99 % is the time that the document prints.")
 
 
@@ -177,11 +192,11 @@ def hidden(work: Work) -> Table:
             [Cell(h.record, "", "main"), h.sensor, f"{h.error:.2f}", f"{h.half_width:.2f}", Cell(f"{100 * h.inside:.0f} %", "", look)]
         )
     columns = [
-        Column("held-out log"),
-        Column("sensor"),
-        Column("largest error, K", True),
-        Column("half-width, K", True),
-        Column("of the time inside", True),
+        Head("held-out log"),
+        Head("sensor"),
+        Head("largest error, K", True),
+        Head("half-width, K", True),
+        Head("of the time inside", True),
     ]
     return Table.of(columns, rows, "Against the hidden temperature, not the reading. At the start the band has no width yet.")
 
@@ -209,7 +224,7 @@ def biot() -> Table:
                 Cell("one node is enough", "", "good") if found < BIOT_LIMIT else Cell("✗ not one node", "", "bad"),
             ]
         )
-    return Table.of([Column("part"), Column("Biot number", True), Column("")], rows, "The node is the case, not the electronics in it.")
+    return Table.of([Head("part"), Head("Biot number", True), Head("")], rows, "The node is the case, not the electronics in it.")
 
 
 def slips(work: Work) -> Table:
@@ -219,4 +234,4 @@ def slips(work: Work) -> Table:
         for s in work.document["slips"]
     ]
     titles = ("", "where", "printed", "what is meant, or why not", "here")
-    return Table.of([Column(t, wrapped=bool(t)) for t in titles], rows)
+    return Table.of([Head(t, wrapped=bool(t)) for t in titles], rows)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.physics.radiation import radiation_coefficient, radiation_conductance
 
 Array = NDArray[np.float64]
@@ -253,10 +253,10 @@ def meter_of(load: str) -> str:
     return f"P_{part.upper()}".rstrip("_")
 
 
-def _pause(begin: float, end: float) -> Table:
+def _pause(begin: float, end: float) -> TableSignal:
     """Return a command that is 0 between two hours and 1 before and after. [-]"""
     marks = [0.0] * (begin > 0) + [begin * 3600.0, end * 3600.0]
-    return Table(np.array(marks), np.array(([1.0] * (begin > 0)) + [0.0, 1.0]), hold=True)
+    return TableSignal(np.array(marks), np.array(([1.0] * (begin > 0)) + [0.0, 1.0]), hold=True)
 
 
 def run(name: str, world: World, seed: int, test: Test | None = None) -> tuple[Array, dict[str, Array], dict[str, Array]]:

@@ -10,7 +10,7 @@ import findings
 from work import BENCH, HERE, Work
 
 import thermid as td
-from thermid.reporting.blocks.cells import Cell, Column, Line, Table
+from thermid.reporting.blocks.cells import Cell, Head, Line, Table
 from thermid.reporting.blocks.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.pages import tables
@@ -245,7 +245,7 @@ def warmer(work: Work) -> Table:
         rows.append(
             [Cell(name, "", "main"), cells[0], cells[1], Cell(shifts[0], "", "main"), cells[2], cells[3], Cell(shifts[1], "", "main")]
         )
-    columns = [Column("node"), *(Column(f"{k}, {t}", True) for k in found for t in ("24 °C", "34 °C", "shift, K"))]
+    columns = [Head("node"), *(Head(f"{k}, {t}", True) for k in found for t in ("24 °C", "34 °C", "shift, K"))]
     caption = (
         "A linear network shifts by exactly the 10 K of its room. With radiation, and gyros whose power falls as they warm, it is less."
     )

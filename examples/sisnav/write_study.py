@@ -22,7 +22,7 @@ import work
 
 import thermid as td
 from thermid.reporting.blocks.cells import Table
-from thermid.reporting.blocks.sections import Drawn
+from thermid.reporting.blocks.sections import Graphic
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.pages.study import parts
 
@@ -43,7 +43,7 @@ def rows(table: Table, columns: tuple[int, ...] | None = None) -> str:
     return "\n".join([head, rule, *(line([row[k].text for k in kept]) for row in table.rows)])
 
 
-def standalone(drawn: Drawn, title: str) -> str:
+def standalone(drawn: Graphic, title: str) -> str:
     """Return a figure as a file of its own: colours in place of the page's variables, its legend below it."""
     text = re.sub(r"var\(--[\w-]+,(#[0-9a-fA-F]+)\)", r"\1", drawn.markup).replace("var(--font)", "sans-serif")
     width, height = (float(v) for v in re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', text).groups())  # type: ignore[union-attr]

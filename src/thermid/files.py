@@ -36,7 +36,7 @@ _LONG_KEY: Final = re.compile(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileKind:
     """A kind of file, and how thermid knows one that it wrote.
 
     Parameters
@@ -48,9 +48,9 @@ class Kind:
     name: str
     own: Callable[[Path], bool] | None = None
 
-    def of(self, title: str) -> Kind:
+    def of(self, title: str) -> FileKind:
         """Return the kind of one thing: a file of it is not replaced by one of another."""
-        return Kind(f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
+        return FileKind(f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
 
     def wrote(self, path: Path) -> bool:
         """Whether thermid wrote a file as this kind, and nobody changed it since."""
@@ -78,23 +78,23 @@ def _from_netcdf(path: Path) -> bool:
         return False
 
 
-DECK: Final = Kind("deck")
-VALUES: Final = Kind("values file")
-PROFILE: Final = Kind("profile")
-STUDY: Final = Kind("study")
-CREDIBILITY: Final = Kind("credibility record")
-PAGE: Final = Kind("page")
-PAPER: Final = Kind("printed page")
-PICTURE: Final = Kind("picture")
-EXPORT: Final = Kind("export")
-EQUATIONS: Final = Kind("equations file")
-DELIVERY: Final = Kind("delivery")
-TABLE: Final = Kind("table of temperatures", lambda path: _header(path, rb"time_s"))
-LOG: Final = Kind("log", lambda path: _header(path, rb".*\[s\]"))
-NETCDF: Final = Kind("netCDF file", _from_netcdf)
-COPY: Final = Kind("copy", lambda path: False)
+DECK: Final = FileKind("deck")
+VALUES: Final = FileKind("values file")
+PROFILE: Final = FileKind("profile")
+STUDY: Final = FileKind("study")
+CREDIBILITY: Final = FileKind("credibility record")
+PAGE: Final = FileKind("page")
+PAPER: Final = FileKind("printed page")
+PICTURE: Final = FileKind("picture")
+EXPORT: Final = FileKind("export")
+EQUATIONS: Final = FileKind("equations file")
+DELIVERY: Final = FileKind("delivery")
+TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"))
+LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"))
+NETCDF: Final = FileKind("netCDF file", _from_netcdf)
+COPY: Final = FileKind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
-OWN: Final = Kind("file of results", lambda path: True)
+OWN: Final = FileKind("file of results", lambda path: True)
 """What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
 
 
@@ -162,7 +162,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(f"a number has too many digits ({error})") from None
 
 
-def may_write(path: str | os.PathLike[str], kind: Kind) -> Path:
+def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
     """Return the file that a path leads to, links followed, when it may be written; ask before long work.
 
     Raises
@@ -195,7 +195,7 @@ def may_write(path: str | os.PathLike[str], kind: Kind) -> Path:
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str], kind: Kind) -> Iterator[Path]:
+def replacing(path: str | os.PathLike[str], kind: FileKind) -> Iterator[Path]:
     """Yield where to write; what is there at the end takes the place of `path` in one step. After any error the old file is still there.
 
     The file of the kind must carry its mark; `write_text` and `write_bytes` put it in.
@@ -235,7 +235,7 @@ def _settle(half: Path, target: Path) -> None:
     os.replace(half, target)
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes, kind: Kind) -> Path:
+def write_bytes(path: str | os.PathLike[str], data: bytes, kind: FileKind) -> Path:
     """Write a file with its seal and return its path.
 
     Raises
@@ -248,7 +248,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes, kind: Kind) -> Path:
     return Path(path)
 
 
-def write_text(path: str | os.PathLike[str], text: str, kind: Kind, comment: str = "#") -> Path:
+def write_text(path: str | os.PathLike[str], text: str, kind: FileKind, comment: str = "#") -> Path:
     """Write a text as UTF-8 with its seal and return its path.
 
     Parameters

@@ -8,12 +8,30 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, GetPydanticSchema, ValidationError, WrapValidator
+from pydantic_core import PydanticCustomError, core_schema
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, ThermidError, nearest
 
-BRANCHES = ("str", "float", "ValueTable", "PowerLaw", "Correlated")
+BRANCHES = ("str", "float", "ValueTable", "PowerLawTable", "Correlated")
 """What a value may be; pydantic reports a fault once for each."""
+
+
+def reads(form: Any, make: Callable[[Any], Any]) -> GetPydanticSchema:
+    """Return the mark of a field that is written in one form and holds what `make` makes of it; errors are listed with the other faults."""
+
+    def made(written: Any) -> Any:
+        try:
+            return make(written)
+        except ThermidError as error:
+            raise PydanticCustomError("thermid", "{message}", {"message": error.message, "error": error}) from None
+
+    return GetPydanticSchema(lambda _, handler: core_schema.no_info_after_validator_function(made, handler.generate_schema(form)))
+
+
+def or_instance(kind: type) -> WrapValidator:
+    """Return the mark of a field in whose place a caller in Python may give an object."""
+    return WrapValidator(lambda value, check: value if isinstance(value, kind) else check(value))
 
 
 class StrictTable(BaseModel):
@@ -40,11 +58,16 @@ class StrictTable(BaseModel):
             raise _listed(error, data, where, cls) from None
 
 
-def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[BaseModel]) -> DeckError:
+def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[BaseModel]) -> ThermidError:
     """Return one error that lists every fault."""
     faults: dict[str, str] = {}
+    causes: list[ThermidError] = []
     for fault in error.errors():
         path, branch, given = _located(fault["loc"], data)
+        if isinstance(cause := fault.get("ctx", {}).get("error"), ThermidError):
+            faults.setdefault(".".join(path), cause.message)
+            causes.append(cause)
+            continue
         path = path[: path.index("between") + 1] if "between" in path[2:] else path
         if branch and not isinstance(given, Mapping):
             faults.setdefault(
@@ -54,7 +77,8 @@ def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[st
         elif not branch or branch == _meant(error, fault["loc"], given):
             faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
     (first, message), *rest = ((where(key), text) for key, text in faults.items())
-    return DeckError("\n  ".join([message, *(f"{place}: {text}" for place, text in rest)]), first)
+    kind = type(causes[0]) if len(causes) == len(faults) else DeckError
+    return kind("\n  ".join([message, *(f"{place}: {text}" for place, text in rest)]), first)
 
 
 def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str, Any]:
@@ -75,9 +99,9 @@ def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str
 def _meant(error: ValidationError, location: tuple[int | str, ...], given: Any) -> str:
     """Return which form of a value its author meant, by its fields; a power law or a correlation only where they may stand."""
     may = {step for other in error.errors() if other["loc"][:3] == location[:3] for step in other["loc"]}
-    if "value" in given or not may & {"PowerLaw", "Correlated"}:
+    if "value" in given or not may & {"PowerLawTable", "Correlated"}:
         return "ValueTable"
-    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLaw"
+    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLawTable"
 
 
 def _text(fault: Any, path: list[str], branch: str, grammar: type[BaseModel]) -> str:

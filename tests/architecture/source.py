@@ -25,11 +25,12 @@ class Import:
 
 @dataclass(frozen=True)
 class Module:
-    """A module of the package, by its dotted name."""
+    """A module of the package, by its dotted name; with its stub, of which the imports are for the type checker."""
 
     name: str
     text: str
     package: bool = False
+    stub: str = ""
 
     @cached_property
     def tree(self) -> ast.Module:
@@ -43,6 +44,7 @@ class Module:
     def imports(self) -> Iterator[Import]:
         """Every import, wherever it stands: at the top, inside a function, for the type checker only, or by text."""
         yield from self._imports(self.tree, lazy=False, typing=False)
+        yield from self._imports(ast.parse(self.stub), lazy=False, typing=True)
 
     def _imports(self, node: ast.AST, lazy: bool, typing: bool) -> Iterator[Import]:
         for child in ast.iter_child_nodes(node):
@@ -100,5 +102,6 @@ def read_modules() -> dict[str, Module]:
         parts = path.relative_to(SOURCE).with_suffix("").parts
         package = parts[-1] == "__init__"
         name = ".".join(parts[:-1] if package else parts)
-        found[name] = Module(name, path.read_text(encoding="utf-8"), package)
+        stub = path.with_suffix(".pyi")
+        found[name] = Module(name, path.read_text(encoding="utf-8"), package, stub.read_text(encoding="utf-8") if stub.exists() else "")
     return found

@@ -18,7 +18,7 @@ WRITERS = {
 }
 """Who takes signals apart to write them down for another program, and why."""
 FIELDS = {"times", "values", "hold", "amplitude", "phase", "period"}
-KINDS = {"Table", "Sine", "Signal", "Mixed", "Drawn"}
+KINDS = {"TableSignal", "Sine", "Signal", "Mixed", "Drawn"}
 HOLDERS = {"boundaries", "loads", "commands", "schedule", "prescribed", "pressure", "wind", "flux", "downward"}
 """Fields of scenarios, gases and skies that hold signals."""
 
@@ -41,7 +41,7 @@ def _is_signal(node: ast.AST, known: set[str]) -> bool:
         called = node.func.id if isinstance(node.func, ast.Name) else node.func.attr if isinstance(node.func, ast.Attribute) else ""
         of = node.func.value if isinstance(node.func, ast.Attribute) else None
         held = of is not None and called == "get" and isinstance(of, ast.Attribute) and of.attr in HOLDERS
-        return held or called in {"Table", "Sine", "signal", "drawn", "shifted", "scaled", "raised", "mapped", "cut"}
+        return held or called in {"TableSignal", "Sine", "signal", "drawn", "shifted", "scaled", "raised", "mapped", "cut"}
     return False
 
 
@@ -100,14 +100,14 @@ def test_who_may_take_signals_apart_does_so(modules: dict[str, Module]) -> None:
     "line",
     [
         "def f(s: Signal):\n    return s.times",
-        "def f(s):\n    return s.values if isinstance(s, Table) else 0",
+        "def f(s):\n    return s.values if isinstance(s, TableSignal) else 0",
         "def f(e):\n    return e.pressure.values.min()",
         "def f(c):\n    for name, s in c.boundaries.items():\n        print(s.amplitude)",
         "def f(c, n):\n    s = c.loads[n]\n    return s.hold",
         "def f(weather, times):\n    return np.interp(times, *weather['rain'])",
-        "def f(s: Table, times):\n    return np.interp(times, s.times, s.values)",
+        "def f(s: TableSignal, times):\n    return np.interp(times, s.times, s.values)",
     ],
 )
 def test_the_walk_sees_what_it_should(line: str) -> None:
-    text = f"import numpy as np\nfrom {HOME} import Signal, Table\n\n\n{line}\n"
+    text = f"import numpy as np\nfrom {HOME} import Signal, TableSignal\n\n\n{line}\n"
     assert taken_apart(Module("thermid.somewhere", text))

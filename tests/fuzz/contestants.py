@@ -12,7 +12,7 @@ import thermid as td
 from fuzz.networks import SIGMA, Case
 from thermid import _kernel as k
 from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Sine, Table
+from thermid.model.laws.signal import Constant, Sine, TableSignal
 from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")
@@ -239,7 +239,7 @@ def _signal(net: Net, gain: int, offset: int) -> Any:
     if kind == k.SINE:
         return Sine(factor * a[0] + constant, factor * a[1], a[2], a[3])
     with np.errstate(over="ignore"):  # an absurd number times another
-        return Table(a, factor * b + constant, kind == k.SAMPLED_HOLD, before="hold", after="hold")
+        return TableSignal(a, factor * b + constant, kind == k.SAMPLED_HOLD, before="hold", after="hold")
 
 
 def deck(net: Net) -> dict[str, Any]:

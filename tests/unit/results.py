@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 from unit.fit.test_sensor_matrix import FINISH, Cell
 from unit.qualify.project import project
@@ -80,7 +80,7 @@ def that_take_longer() -> dict[str, Any]:
     model, times = box(FINISH), np.linspace(0.0, 18000.0, 31)
     power = np.where((times > 3600.0) & (times < 9000.0), 8.0, 2.0)
     meter = td.Record.from_arrays("meter", times[:-9], {"P": td.Channel.of("P", power[:-9], quantity="power", role="load", target="heat")})
-    warm = log(model, {}, {"T": "case"}, samples=121, loads={"heat": Table(times, power, True)})
+    warm = log(model, {}, {"T": "case"}, samples=121, loads={"heat": TableSignal(times, power, True)})
     return {
         "alignment": td.align(model, warm, meter, offset=(-600.0, 600.0), scenario=td.Scenario("air", start="measured")),
         "posterior": td.posterior(td.calibrate(model, log(model, {}, {"T": "case"}, samples=31), [HTC]), steps=20, walkers=16),

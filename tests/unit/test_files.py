@@ -27,7 +27,7 @@ from thermid.files import (
     PAPER,
     PICTURE,
     TABLE,
-    Kind,
+    FileKind,
     command,
     folder_replacing,
     may_write,
@@ -46,7 +46,7 @@ PNG = (
     b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q"
     b"\0\0\0\0IEND\xaeB`\x82"
 )
-TEXTS: list[tuple[Kind, str, str]] = [
+TEXTS: list[tuple[FileKind, str, str]] = [
     (DECK, 'title = "plate"\n', "#"),
     (DECK, 'title = "plate"', "#"),
     (EXPORT, "function f\nend\n", "%"),
@@ -112,7 +112,7 @@ def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "text", "comment"), TEXTS)
-def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kind: Kind, text: str, comment: str) -> None:
+def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kind: FileKind, text: str, comment: str) -> None:
     path = tmp_path / "file"
     for again in (text, text):
         write_text(path, again, kind, comment)
@@ -127,7 +127,7 @@ def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kin
         assert path.read_bytes() == changed
     path.write_bytes(whole)
     with pytest.raises(OutputError, match="that thermid did not write as profile"):
-        write_text(path, text, Kind("profile"))
+        write_text(path, text, FileKind("profile"))
     assert names(tmp_path) == ["file"]
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import thermid as td
 from thermid.campaign.survey import check_campaign
 from thermid.measure import Channel
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 ZERO = 273.15
 NOISE = 0.05
@@ -72,12 +72,12 @@ def warm(seed: int) -> tuple[dict[str, float], td.Model, td.Record]:
     heated, cooled = float(rng.uniform(300.0, 7200.0)), float(rng.uniform(0.0, 900.0))
     on, off = float(rng.uniform(2.0, 8.0)), float(rng.uniform(600.0, 1200.0))
     air = {"air": "20 [degC]"}
-    past = Table(np.array([0.0, heated, heated + cooled + 1.0]), np.array([on, 0.0, 0.0]), True)
+    past = TableSignal(np.array([0.0, heated, heated + cooled + 1.0]), np.array([on, 0.0, 0.0]), True)
     before = td.simulate(truth, td.Scenario("past", boundaries=air, start="air", loads={"heat": past}, duration=heated + cooled))
     initial = {n: f"{before[n].final} [degC]" for n in ("core", "case", "lid")}
     times = np.arange(0.0, 3601.0, STEP)
     power = np.where(times < off, 0.0, 4.0)
-    now = Table(times, power, True)
+    now = TableSignal(times, power, True)
     scenario = td.Scenario("now", boundaries=air, start="air", initial=initial, loads={"heat": now}, duration=3600.0)
     case = temperature(td.simulate(truth, scenario), "case", times) + NOISE * rng.standard_normal(times.size)
     true = {"skin.effective_htc": 10.0 * spread["htc"], "core.capacitance": 200.0 * spread["core"]}

@@ -28,7 +28,7 @@ from thermid.cli.options import (
     say,
 )
 from thermid.errors import DeckError, OutputError, nearest
-from thermid.files import DECK, EQUATIONS, EXPORT, Kind, may_write, write_text
+from thermid.files import DECK, EQUATIONS, EXPORT, FileKind, may_write, write_text
 from thermid.interop import equations as derive
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
@@ -40,7 +40,7 @@ from thermid.model.deck.save import save_model
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
 
-def _say(text: str, to: Path | None, as_json: bool, kind: Kind, comment: str, **more: Any) -> None:
+def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str, **more: Any) -> None:
     """Write a text to its file or to standard output."""
     if to is not None:
         write_text(to, text, kind, comment)

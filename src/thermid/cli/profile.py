@@ -12,10 +12,12 @@ from thermid.errors import ScenarioError
 from thermid.files import PICTURE, TABLE
 from thermid.model.deck.modelfile import load_model
 from thermid.profile_runs.conduct import run_profile
+from thermid.profiles.number import SLOTS
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.reporting.pictures import trust
 from thermid.simulation.scenario_file import load_scenario
+from thermid.units import TEMPERATURE
 
 
 def profile(
@@ -98,9 +100,6 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
 
 def _number(name: str, text: str) -> str | float:
     """Return a value in the usual unit where none is written."""
-    from thermid.profiles.number import SLOTS
-    from thermid.units import TEMPERATURE
-
     usual = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": "1"}
     slot = SLOTS.get(name)
     if slot == "1":

@@ -18,8 +18,8 @@ from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import FlatConductor
 from thermid.network.network import Network
 from thermid.physics.air import dry_air
-from thermid.physics.bodies import body_htc, conduction_floor
 from thermid.physics.materials import MATERIALS
+from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.transient import simulate
 

@@ -32,8 +32,9 @@ from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
 from thermid.measure.amounts import short
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, worst
+from thermid.model.tree.identity import identity_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import deck_text, parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
@@ -231,7 +232,7 @@ def summarise(
     provenance: dict[str, Any] = {
         "version": version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
-        "model": request.model.identity(),
+        "model": identity_of(request.model),
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
@@ -360,7 +361,7 @@ def _taken_as_instants(problem: Problem) -> list[str]:
     for e in problem.experiments:
         noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
         for name, given in e.scenario.boundaries.items():
-            if isinstance(given, Table) and not given.held and not given.samples:
+            if isinstance(given, TableSignal) and not given.held and not given.samples:
                 half = 0.5 * float(np.sqrt(np.mean(np.diff(given.levels) ** 2)))
                 if half > noise:
                     apart[name] = max(half, apart.get(name, 0.0))

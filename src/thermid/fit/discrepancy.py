@@ -25,16 +25,16 @@ from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import finite
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.flat import FlatConductor, FlatLoad
+from thermid.model.tree.identity import identity_of
 from thermid.network.medium import Media
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ class CoefficientMode:
     kind : str      'difference' (grows with a power of the difference of temperature) or 'level' (part of it is radiation).
     mean, sd : float    Of the exponent, or of the radiative share, over what is possible. [-]
     ends : (str, str)
-    watts : Table   What a unit of it adds to the heat from the first end to the second. [W]
+    watts : TableSignal   What a unit of it adds to the heat from the first end to the second. [W]
     """
 
     path: str
@@ -84,7 +84,7 @@ class CoefficientMode:
     mean: float
     sd: float
     ends: tuple[str, str]
-    watts: Table
+    watts: TableSignal
 
     def names(self, boundaries: Sequence[str]) -> list[str]:
         """Return the loads that stand for it, one per end that is no boundary."""
@@ -178,10 +178,10 @@ def patterns_of(
         # of a coefficient that is part radiation only the rest grows with the difference
         rest, square = 1.0 - share, (1.0 - share) ** 2 + spread**2
         sd = float(np.sqrt(EXPONENT**2 * square / 3.0 - (EXPONENT * rest / 2.0) ** 2))
-        out.append(CoefficientMode(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, Table(times, course.heat * grown, False)))
+        out.append(CoefficientMode(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, TableSignal(times, course.heat * grown, False)))
         if share > 0.0:
             warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
-            out.append(CoefficientMode(path, "level", share, spread, c.ends, Table(times, course.heat * warmer, False)))
+            out.append(CoefficientMode(path, "level", share, spread, c.ends, TableSignal(times, course.heat * warmer, False)))
     return out
 
 
@@ -367,7 +367,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
     runs = _runs(problem, at)
-    own = [e.model.identity() == fit.model.identity() for e in problem.experiments]
+    own = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
     seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
     conditions = conditions_of(seen)
     decided = _decided(problem, list(fit.values.assignments))

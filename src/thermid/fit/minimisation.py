@@ -20,7 +20,7 @@ from thermid.errors import IdentificationError, SolverError, nearest
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.linear_algebra import covariance, finite, pseudo_inverse, sandwich
-from thermid.simulation.members import run_members
+from thermid.simulation.ensemble import run_members
 
 Array = NDArray[np.float64]
 

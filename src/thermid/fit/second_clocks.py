@@ -27,7 +27,7 @@ from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
 from thermid.measure import Record
 from thermid.memo import Memo
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
@@ -193,7 +193,7 @@ class Clocked:
             tables[name][path] = replace(table, times=moved)
         return replace(experiment, scenario=experiment.scenario.with_(**tables))
 
-    def _sampled(self, problem: Problem) -> Iterator[tuple[str, str, Table]]:
+    def _sampled(self, problem: Problem) -> Iterator[tuple[str, str, TableSignal]]:
         """Yield table of the scenario, path and signal of every power and command that was sampled, not logged when it changed."""
         experiment = problem.experiments[0]
         canonical = experiment.network.flat.names.model.canonical
@@ -202,7 +202,7 @@ class Clocked:
                 path = canonical(channel.target or channel.name)
                 for name in ("loads", "commands"):
                     signal = getattr(experiment.scenario, name).get(path)
-                    if isinstance(signal, Table) and signal.held:
+                    if isinstance(signal, TableSignal) and signal.held:
                         yield name, path, signal
 
     def changes(self, at: tuple[float, float]) -> list[tuple[float, Array]]:

@@ -22,7 +22,7 @@ from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.groups import Group, listed, percent, practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.measure import Record
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
@@ -138,10 +138,11 @@ def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
         return None
     node, watts = powers[name]
     model = network.flat.names.model
+    assert isinstance(model, Model)  # laid flat was one
     heater = HeatLoad(node, {"power": parameter("1 [W]", HEATER)})
     grown = replace(model, loads={**model.loads, HEATER: heater})
     half = 0.5 * experiment.scenario.seconds
-    scenario = experiment.scenario.with_(loads={HEATER: Table(np.array([0.0, half]), np.array([0.0, watts]), True)})
+    scenario = experiment.scenario.with_(loads={HEATER: TableSignal(np.array([0.0, half]), np.array([0.0, watts]), True)})
     again = compile_network(grown, media=scenario.media(), prescribed=network.prescribed)
     return replace(experiment, network=again, scenario=scenario), name, watts
 

@@ -13,7 +13,7 @@ from thermid.files import EXPORT, write_text
 from thermid.interop.formula import Formula, Text, number_text
 from thermid.interop.wired import Wired, conductance_text, identifiers, one_line, refuse_crooked, table_points, wired
 from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Drawn, Sine, Table
+from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet
 from thermid.network.rows import ConductorRow
@@ -353,12 +353,12 @@ def _signal_lines(signal: Drawn) -> Iterator[str]:
     if isinstance(signal, Sine):
         angle = f"2*pi*t/{number_text(signal.period)} + {number_text(signal.phase)}"
         yield f"y = {number_text(signal.mean)} + {number_text(signal.amplitude)}*sin({angle});"
-    elif isinstance(signal, Table) and signal.times.size > 1:
+    elif isinstance(signal, TableSignal) and signal.times.size > 1:
         yield from _listed("x = ", signal.times.tolist())
         yield from _listed("v = ", signal.values.tolist())
         yield f"y = interp1(x, v, min(max(t, x(1)), x(end)), '{'previous' if signal.hold else 'linear'}');"
     else:
-        yield f"y = {number_text(float(signal.values[0] if isinstance(signal, Table) else signal.value))};"
+        yield f"y = {number_text(float(signal.values[0] if isinstance(signal, TableSignal) else signal.value))};"
 
 
 def _listed(start: str, numbers: Sequence[float], column: bool = False) -> Iterator[str]:

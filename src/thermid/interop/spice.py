@@ -13,7 +13,7 @@ from thermid.files import EXPORT, write_text
 from thermid.interop.formula import number_text
 from thermid.interop.wired import HeatSource, Wired, conductance_text, identifiers, one_line, table_points, wired
 from thermid.model.laws.curves import FAR, Curve
-from thermid.model.laws.signal import Constant, Drawn, Sine, Table
+from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
 from thermid.model.tree.model import Model
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ICE_POINT
@@ -123,7 +123,7 @@ class _Netlist:
 
     def _source(self, start: str, signal: Drawn, factor: float, zero: float) -> Iterator[str]:
         """Yield a source: a number, a sine or a line of points; `zero` is where its scale begins."""
-        if isinstance(signal, Constant) or (isinstance(signal, Table) and signal.times.size == 1):
+        if isinstance(signal, Constant) or (isinstance(signal, TableSignal) and signal.times.size == 1):
             value = signal.value if isinstance(signal, Constant) else float(signal.values[0])
             yield f"{start} DC {number_text(round(factor * value - zero, 12))}"
         elif isinstance(signal, Sine):
@@ -137,7 +137,7 @@ class _Netlist:
                 yield "+ " + "  ".join(points[k : k + _PAIRS])
             yield "+ )"
 
-    def _points(self, table: Table) -> Iterator[tuple[float, float]]:
+    def _points(self, table: TableSignal) -> Iterator[tuple[float, float]]:
         """Yield the corners of a table; a jump becomes a steep ramp that ends where the jump is."""
         before: float | None = None
         for time, value in zip(table.times.tolist(), table.values.tolist(), strict=True):

@@ -10,7 +10,7 @@ from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
 from thermid.interop.formula import Formula, with_formulas
 from thermid.model.laws.curves import Curve, slopes, whole
-from thermid.model.laws.signal import Constant, Drawn, Table
+from thermid.model.laws.signal import Constant, Drawn, TableSignal
 from thermid.model.parts.kinds import HINGES
 from thermid.model.tree.model import Model
 from thermid.network.network import Network
@@ -83,7 +83,7 @@ class Wired:
     def breaks(self) -> list[float]:
         """Return the times within the run at which a signal jumps or bends. [s]"""
         signals = (*self.boundaries.values(), *self.gas.values(), *(s.signal for s in self.sources))
-        times = {float(t) for s in signals if isinstance(s, Table) for t in s.times}
+        times = {float(t) for s in signals if isinstance(s, TableSignal) for t in s.times}
         return sorted(t for t in times if 0.0 < t < self.scenario.seconds)
 
 

@@ -1,33 +1,273 @@
-"""What each gas does to a conductor, from one atmosphere to vacuum, constant or changing in time.
+"""What each gas does to a conductor, from one atmosphere to vacuum, constant or changing in time, and what it asks of a model.
 
 Pressure, gravity, wind and kind belong to a named gas node: the ambient, a volume that is vented with a time constant, a sealed one.
+First pressures and winds in time, then rows of gas at any pressure, then the state of every gas, then what a run must say of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.dual import Number
-from thermid.errors import ScenarioError
+from thermid.dual import Number, value_of
+from thermid.errors import ScenarioError, quoted
 from thermid.memo import Memo
-from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Mixed, Signal, Sine, TableSignal
 from thermid.model.parts.elements import MadeIn
-from thermid.model.parts.kinds import Law
-from thermid.model.tree.flat import FlatConductor
+from thermid.model.parts.kinds import ACCOMMODATION, Law
+from thermid.model.tree.flat import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, Sky
-from thermid.network.pressure import levels_of, sampled, shares, stream, vented
-from thermid.network.rarefied import GasState, correlated, gap, thinned
-from thermid.network.rows import ConductorRow
+from thermid.network.rows import ANCHOR, ConductorRow
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
-from thermid.physics.gas import gas_named
+from thermid.physics.correlations import forced_plate_nusselt, signed_nusselt
+from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
+from thermid.physics.plates import THINNEST
 from thermid.physics.radiation import radiation_coefficient
 
 Array = NDArray[np.float64]
+
+
+PARTS = 40
+"""Samples put into each stretch of a pressure, equally spaced in its root. [-]"""
+
+
+MARKS = ATMOSPHERE * (np.arange(1, 870) / 400.0) ** 3
+"""Pressures at which one that changes is sampled, closer where it is low: the same ones wherever a run begins. [Pa]"""
+
+
+def sampled(pressure: Signal, end: float) -> Table:
+    """Return a pressure up to `end` [s] as a table whose root is straight between samples to within a thousandth of its change."""
+    drawn = pressure.drawn(end)
+    if isinstance(drawn, Table) and drawn.held:
+        return drawn
+    at = drawn.knots(0.0, end)
+    level = np.maximum(drawn.at(at), 0.0)
+    if isinstance(drawn, Sine):
+        return Table(at, level)
+    times, values = [at[:1]], [level[:1]]
+    for (t0, t1), (p0, p1) in zip(_pairs(at), _pairs(level), strict=True):
+        low, high = np.searchsorted(MARKS, [min(p0, p1), max(p0, p1)], side="right")
+        part = MARKS[low:high] if p1 > p0 else MARKS[low:high][::-1]
+        part = part[(part != p0) & (part != p1)]
+        times += [t0 + (t1 - t0) * (part - p0) / (p1 - p0), np.array([t1])] if part.size else [np.array([t1])]
+        values += [part, np.array([p1])] if part.size else [np.array([p1])]
+    return Table(np.concatenate(times), np.concatenate(values))
+
+
+LEVELS = 12
+"""Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
+
+
+def stream(wind: Signal, pressure: Signal, end: float) -> Table:
+    """Return a wind up to `end` [s], as fast as one at one atmosphere with its Reynolds number. [m/s]"""
+    thin = Mixed(Thinned(), (wind, pressure))
+    if thin.held:
+        steps = thin.drawn(end)
+        return steps if isinstance(steps, Table) else Table(np.zeros(1), steps.at(np.zeros(1)), hold=True)
+    parts = [given.drawn(end) for given in (wind, pressure)]
+    knots = np.unique(np.concatenate([given.knots(0.0, end) for given in parts]))
+    each = 1 if any(isinstance(given, Sine) for given in parts) else PARTS if knots.size < 2000 else 4
+    at = np.unique(np.concatenate([np.linspace(a, b, each + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
+    return Table(at, thin.at(at))
+
+
+@dataclass(frozen=True)
+class Thinned:
+    """A wind as fast as one at one atmosphere with its Reynolds number."""
+
+    def __call__(self, wind: Array, pressure: Array) -> Array:
+        """Return the speed (times,) from wind [m/s] and pressure [Pa]. [m/s]"""
+        return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
+
+
+def levels_of(given: Table) -> Array:
+    """Return speeds from nothing to the fastest (levels,). [m/s]"""
+    root = np.sqrt(given.bounds[1]) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
+    return np.asarray(root**2)
+
+
+def shares(given: Table, levels: Array) -> list[Table]:
+    """Return how much of each level a wind has in time; a laminar stream goes with the root of its speed. [-]"""
+    root = np.sqrt(levels)
+    return [given.mapped(partial(_share, root, hat)) for hat in np.eye(levels.size)]
+
+
+def _share(root: Array, hat: Array, speed: Array) -> Array:
+    return np.interp(np.sqrt(speed), root, hat)
+
+
+def _pairs(x: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[float, float]]:
+    return list(zip(x[:-1].tolist(), x[1:].tolist(), strict=True))
+
+
+def vented(inside: Signal, outside: Signal, time_constant: float, where: str) -> Signal:
+    """Return the pressure of a volume that follows another: tau dp/dt = p_outside - p.
+
+    Parameters
+    ----------
+    inside, outside : Signal    At the start, constant; and of the surroundings. [Pa]
+    time_constant : float       [s]
+
+    Raises
+    ------
+    ScenarioError   When the pressure at the start is no constant, or that outside swings without end.
+    """
+    if not isinstance(inside, Constant):
+        raise ScenarioError("the pressure of a vented volume is that at its start, a constant.", where)
+    if isinstance(outside, Sine):
+        raise ScenarioError("a volume cannot be vented to a pressure that swings without end; give a table.", where)
+    tau = time_constant
+    last = max(outside.extent, 1.0)
+    # a stretch of constant slope has the exact solution below; fine steps keep straight lines between samples right to a thousandth
+    tail = last + tau * np.concatenate((np.linspace(0.05, 3.0, 60), np.linspace(3.1, 25.0, 220)))
+    own = outside.knots(0.0, last)
+    knots = np.union1d(own[own >= 0.0], [0.0, last])
+    fine = [np.linspace(a, b, max(2, min(400, int(np.ceil((b - a) / (0.05 * tau))) + 1))) for a, b in _pairs(knots)]
+    times = np.unique(np.concatenate([*fine, knots, tail]))
+    p, values = inside.value, [inside.value]
+    for a, b in _pairs(times):
+        start = float(outside.at(np.array([a]))[0])
+        end = start if outside.held else float(outside.at(np.array([b]))[0])
+        slope, h = (end - start) / (b - a), b - a
+        settled = start - slope * tau  # of the particular solution at a
+        p = settled + slope * h + (p - settled) * np.exp(-h / tau)
+        values.append(float(p))
+    return Table(times, np.maximum(np.array(values), 0.0), after="hold")
+
+
+POINTS = np.linspace(200.0, 450.0, 26)
+"""Temperatures of the tables of properties, which are smooth; the fits were made over them. [K]"""
+
+
+@dataclass(frozen=True)
+class GasState:
+    """A gas as the rows of a conductor see it: numbers where it is constant, inputs where it changes.
+
+    Parameters
+    ----------
+    gas : MolecularGas
+    pressure : float        [Pa]; 1 where it follows an input.
+    natural : float         Strength of natural convection, (p/p0)^(1/2) (g/g0)^(1/4); 1 where it follows an input. [-]
+    wind : float            [m/s]
+    key : str               Name of the gas in the inputs; empty where all is constant.
+    levels : tuple          Streams at one atmosphere between which a wind that changes in time is interpolated. [m/s]
+    gust : str              Name of the inputs that say how much of each level there is.
+    """
+
+    gas: MolecularGas
+    pressure: float
+    natural: float
+    wind: float = 0.0
+    key: str = ""
+    levels: tuple[float, ...] = ()
+    gust: str = ""
+
+    def named(self, what: str) -> str:
+        """Return the name of an input of this gas; empty where it is constant."""
+        return f"{what} {self.key}" if self.key else ""
+
+
+@lru_cache(maxsize=64)
+def conductivity_curve(gas: MolecularGas) -> Curve:
+    """Return the conductivity of a gas over that at 300 K, with slopes. [-]"""
+    return _over_temperature(lambda t: gas.k(t) / gas.k(ANCHOR))
+
+
+@lru_cache(maxsize=64)
+def _root_curve(gas: MolecularGas, windy: bool) -> Curve:
+    """Return the fourth root of g beta / (nu alpha) over that at 300 K; in wind, times the conductivity."""
+
+    def buoyancy(t: Any) -> Any:
+        at = gas.at(t)
+        root = (at.expansion_at(t) / (at.kinematic_viscosity * at.thermal_diffusivity())) ** 0.25
+        return root * (gas.k(t) if windy else 1.0)
+
+    return _over_temperature(lambda t: buoyancy(t) / buoyancy(ANCHOR))
+
+
+@lru_cache(maxsize=8)
+def _one() -> Curve:
+    return _over_temperature(lambda t: np.ones(np.shape(t)))
+
+
+def _over_temperature(function: Any) -> Curve:
+    step = 1e-3
+    slopes = (function(POINTS + step) - function(POINTS - step)) / (2.0 * step)
+    return Curve("temperature", POINTS, np.asarray(function(POINTS), dtype=float), np.asarray(slopes, dtype=float))
+
+
+def _plain(number: Number) -> float:
+    """Return a number without derivatives; of many members the first, since a table is made once for all of them."""
+    found: Any = value_of(number)
+    return float(found.values[0] if hasattr(found, "values") else found)
+
+
+def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasState, signal: str = "") -> ConductorRow:
+    """Return the row of gas at rest: conductance of the continuum [W/K], and that of free molecules for each pascal [W/(K Pa)]."""
+    ratio = molecular / continuum * state.pressure
+    return ConductorRow(c.path, "gas", c.ends, (continuum, ratio), conductivity_curve(state.gas), signal, state.named("pressure"))
+
+
+def gap(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
+    """Return the row of a gap between parallel plates: Sherman's interpolation from continuum to free molecules."""
+    area, distance, share = law.coefficients
+    gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
+    own = GasState(gas, state.pressure, state.natural, key=state.key)
+    molecular = area * (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0)
+    return _rest(c, area * gas.k(ANCHOR) / distance, molecular, own)
+
+
+def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a surface with a correlation: gas at rest, and what natural convection and wind add to it."""
+    area, length = law.coefficients
+    gas, at = state.gas, state.gas.at(ANCHOR)
+    name, orientation = c.words.get("htc.correlation", ""), c.words.get("htc.orientation", "vertical")
+    prandtl = float(at.prandtl)
+    scale = gas.k(ANCHOR) / length * area
+    buoyancy = STANDARD_GRAVITY * float(at.expansion_at(ANCHOR) / (at.kinematic_viscosity * at.thermal_diffusivity()))
+    root = buoyancy**0.25 * length**0.75 * state.natural
+    moving = []
+    for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
+        # a stream at another pressure has the Reynolds number of one as much slower
+        forced = float(forced_plate_nusselt(speed * _plain(length) / float(at.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
+        x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
+        film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
+        curve = Curve("difference", x, y, None, film, interpolation="smooth")
+        signal = f"{state.gust} {k}" if state.gust else ""
+        moving.append(ConductorRow(c.path, "natural", c.ends, (scale, root), curve, signal, state.named("natural")))
+    still = _rest(c, scale * least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state)
+    return still, *moving
+
+
+def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a coefficient that was fitted on the ground, at another pressure or gravity.
+
+    With s = (p/p0)^(1/2) (g/g0)^(1/4), as laminar convection goes, the conductance is s times what was fitted and (1 - s) times that of gas
+    at rest, which is rarefied as the pressure falls.
+    """
+    first, *rest = law.coefficients
+    fitted = ConductorRow(c.path, law.form, c.ends, (state.natural * first, *rest), c.curve, state.named("natural"))
+    if value_of(area) == 0.0:
+        return (fitted,)
+    gas = state.gas
+    least = THINNEST * gas.k(ANCHOR) * area**0.5
+    if law.form == "linear" and value_of(least) > value_of(first):
+        least = first
+    if value_of(least) == 0.0:
+        return (fitted,)
+    still = _rest(c, least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state, state.named("rest"))
+    share = 1.0 if state.key else 1.0 - state.natural
+    return fitted, ConductorRow(
+        c.path, still.form, c.ends, (share * still.coefficients[0], still.coefficients[1]), still.curve, still.signal, still.second
+    )
+
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
@@ -63,7 +303,7 @@ class Media:
                 out |= {f"wind {gas} {k}": w for k, w in enumerate(shares(*self._stream(gas, p, environment)))}
             if isinstance(p, Constant):
                 continue
-            if isinstance(p, Table) and self._jumps(p):
+            if isinstance(p, TableSignal) and self._jumps(p):
                 out[f"gas {gas}"] = p.mapped(_present)
                 out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
             natural = sampled(p, self.seconds).mapped(environment.natural)
@@ -99,7 +339,7 @@ class Media:
 
     def _jumps(self, p: Signal) -> bool:
         """Return whether a pressure only jumps between that of the ground and vacuum."""
-        if not (isinstance(p, Table) and p.held):
+        if not (isinstance(p, TableSignal) and p.held):
             return False
         levels = p.levels
         air = (levels >= AIR_RANGE[0]) & (levels <= AIR_RANGE[1])
@@ -137,10 +377,10 @@ class Media:
             return replace(base, wind=wind.value)
         return replace(base, levels=tuple(self._stream(key, p, environment)[1].tolist()), gust=f"wind {key}")
 
-    def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[Table, Array]:
+    def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[TableSignal, Array]:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
 
-        def made() -> tuple[Table, Array]:
+        def made() -> tuple[TableSignal, Array]:
             given = stream(environment.wind, pressure, self.seconds)
             return given, levels_of(given)
 
@@ -310,3 +550,109 @@ class Media:
 def _present(pressure: Array) -> Array:
     """Return 1 where there is gas at a pressure [Pa] and 0 where there is none (times,). [-]"""
     return np.asarray(pressure > VACUUM_LIMIT, dtype=float)
+
+
+THIN = 0.01 * ATMOSPHERE
+"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
+TRACE = 1e-9
+"""Conductance that stays with gas that is gone, so that its node has a temperature, that of what is around it. [W/K]"""
+SOLID = ("conduction", "contact", "table", "heat_pipe")
+"""Kinds of conductors that gas has no part in."""
+
+
+def refuse_unsaid(media: Media, flat: Flat) -> None:
+    """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without, and reduced models in another gas.
+
+    Raises
+    ------
+    ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time; when a surface has radiation alone in a
+                    gas; when a reduced model is not in the gas that it was made in.
+    """
+    thin = {} if media.as_printed else {path: gas for path, gas in bare(flat).items() if media.lowest(gas) <= VACUUM_LIMIT}
+    if thin:
+        has, them = ("have", "them") if len(thin) > 1 else ("has", "it")
+        raise ScenarioError(
+            f"{quoted(list(thin))} {has} htc and no emissivity: without gas in {_gases(thin)} nothing would leave {them}. "
+            "Give an emissivity or a finish; emissivity = 0 where nothing radiates on purpose.",
+            _where(flat, next(iter(thin))),
+        )
+    filled = {path: gas for path, gas in still(flat).items() if not media.empty(gas)}
+    if filled:
+        has, they = ("have", "they") if len(filled) > 1 else ("has", "it")
+        raise ScenarioError(
+            f"{quoted(list(filled))} {has} an emissivity and no htc: in the gas of {_gases(filled)} {they} would have no convection. "
+            "Give htc, as a value or from a correlation, htc = { length = ... }; htc = 0 where nothing convects on purpose. "
+            "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
+            _where(flat, next(iter(filled))),
+        )
+    for title, gas, state, where in flat.made_in:
+        if not media.as_made(gas, state):
+            of = "its gas" if gas == "*" else f"'{gas}'"
+            raise ScenarioError(
+                f"'{title}' was reduced with {of} in one state, {state}, which its conductances hold; it is in another here. "
+                "Reduce the full model in the state of this run.",
+                where,
+            )
+
+
+def _gases(found: Mapping[str, str]) -> str:
+    return quoted(list(dict.fromkeys(found.values())))
+
+
+def _where(flat: Flat, path: str) -> str:
+    """Return the place of a surface or of a lead."""
+    face = flat.faces.get(path)
+    return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
+
+
+def traced(media: Media, flat: Flat) -> frozenset[str]:
+    """Return the conductors that keep `TRACE`: to inner gas that is gone at any time and that no load heats."""
+    heated = {load.node for load in flat.loads}
+    gone = {gas for gas in gas_nodes(flat) - heated if media.lowest(gas) <= VACUUM_LIMIT}
+    return frozenset(c.path for c in flat.conductors if c.kind in ("convection", "effective") and c.gas in gone)
+
+
+def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what stops and what stays in each gas that is gone at any time, and what is not counted where gas is thin or walls are apart.
+
+    Parameters
+    ----------
+    values : dict   Parameter path -> value. [SI]
+    """
+    out = []
+    gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
+    stops = [path for path, c in _through_gas(flat).items() if c.gas in gone and not _radiates(flat, path, c, values)]
+    if stops:
+        out.append(f"without gas nothing goes through {quoted(stops)}")
+    around = gone & surrounding(flat)
+    stays = [c.path for c in flat.conductors if c.kind in SOLID and around & set(c.ends)]
+    if stays:
+        end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
+        ends = dict.fromkeys(e for c in flat.conductors if c.path in stays for e in c.ends if e in around)
+        out.append(
+            f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas: a path through gas is of kind convection or gas"
+        )
+    thin = [path for path, gas in bare(flat).items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
+    if thin and not media.as_printed:
+        has = "have" if len(thin) > 1 else "has"
+        out.append(f"{quoted(thin)} {has} no emissivity: in gas so thin most of what leaves a surface is radiation, which is not counted")
+    whole = [c.path for c in flat.conductors if c.kind == "effective" and c.sees and not media.empty(c.gas)]
+    if whole:
+        out.append(
+            f"the radiation in the effective coefficient of {quoted(whole)} goes to its gas, not to what it sees; `split` takes it apart"
+        )
+    return tuple(out)
+
+
+def _through_gas(flat: Flat) -> dict[str, FlatConductor]:
+    """Return what carries heat through gas alone, or through gas and by radiation: surfaces, gaps, leads by their paths in a deck."""
+    found = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
+    leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
+    return found | {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
+
+
+def _radiates(flat: Flat, path: str, c: FlatConductor, values: Mapping[str, Any]) -> bool:
+    """Return whether something of a surface or lead is left without gas."""
+    face = flat.faces.get(path)
+    emissivity = face.fields.get("emissivity", "") if face else c.fields.get("emissivity", "")
+    return bool(emissivity) and bool(values[emissivity] != 0.0)

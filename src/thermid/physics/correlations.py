@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 
 from thermid.errors import DeckError, nearest
 from thermid.physics._number import Number
-from thermid.physics.bodies import SHAPE, THINNEST, body_nusselt
-from thermid.physics.plates import horizontal_plate_down_nusselt, vertical_plate_nusselt, vertical_plate_nusselt_all
+from thermid.physics.plates import (
+    SHAPE,
+    THINNEST,
+    body_nusselt,
+    horizontal_plate_down_nusselt,
+    vertical_plate_nusselt,
+    vertical_plate_nusselt_all,
+)
 
 Array = NDArray[np.float64]
 Orientation = Literal["vertical", "up", "down"]
@@ -33,7 +39,7 @@ DEFAULTS: Final = {"vertical": "Nu_vertical_plate_Churchill", "up": "Nu_horizont
 
 
 @dataclass(frozen=True)
-class Correlation:
+class NusseltLaw:
     """A law of free convection.
 
     Parameters
@@ -79,17 +85,17 @@ _CHURCHILL = "Churchill and Chu, Int. J. Heat Mass Transfer 18 (1975) 1323; Incr
 OWN: Final = {
     c.name: c
     for c in (
-        Correlation("Nu_vertical_plate_Churchill", _churchill, 0.0, 1e12, False, SQUARE, _CHURCHILL),
-        Correlation("Nu_vertical_plate_laminar", _laminar, 0.0, 1e9, False, SQUARE, f"{_CHURCHILL}; Eq. 7 of the source document"),
-        Correlation(
+        NusseltLaw("Nu_vertical_plate_Churchill", _churchill, 0.0, 1e12, False, SQUARE, _CHURCHILL),
+        NusseltLaw("Nu_vertical_plate_laminar", _laminar, 0.0, 1e9, False, SQUARE, f"{_CHURCHILL}; Eq. 7 of the source document"),
+        NusseltLaw(
             "Nu_horizontal_plate_McAdams", _mcadams, 1e4, 1e11, True, SQUARE / 4.0, "McAdams; Incropera, 6th ed., Eqs. 9.30 to 9.32"
         ),
-        Correlation("Nu_body", _body, 0.0, 1e9, False, SHAPE, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
+        NusseltLaw("Nu_body", _body, 0.0, 1e9, False, SHAPE, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
     )
 }
 
 
-def correlation(name: str, orientation: str = "vertical", where: str = "") -> Correlation:
+def correlation(name: str, orientation: str = "vertical", where: str = "") -> NusseltLaw:
     """Return a correlation by its name; without one, the usual one of an orientation.
 
     Raises
@@ -106,7 +112,7 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Co
     return found
 
 
-def _of_library(name: str, where: str) -> Correlation:
+def _of_library(name: str, where: str) -> NusseltLaw:
     """Return a function of `ht` as a correlation."""
     hint = nearest(name, OWN)
     if not name.startswith("Nu_"):
@@ -134,7 +140,7 @@ def _of_library(name: str, where: str) -> Correlation:
     def nusselt(ra: float, pr: float, away: bool) -> float:
         return float(function(pr, ra / pr, buoyancy=away) if facing else function(pr, ra / pr))
 
-    return Correlation(name, nusselt, 0.0, math.inf, facing, 0.0, f"ht.{name}")
+    return NusseltLaw(name, nusselt, 0.0, math.inf, facing, 0.0, f"ht.{name}")
 
 
 def forced_plate_nusselt(reynolds: Number, prandtl: Number) -> Number:

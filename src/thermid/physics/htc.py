@@ -35,7 +35,7 @@ BIOT_LIMIT = 0.1
 
 
 @dataclass(frozen=True)
-class Correlation:
+class HtcEstimate:
     """The coefficient of one correlation.
 
     Parameters
@@ -95,7 +95,7 @@ class HtcComparison:
     effective: float
     error: float
     error_drift: float
-    correlations: tuple[Correlation, ...]
+    correlations: tuple[HtcEstimate, ...]
     rise: float
     remarks: tuple[str, ...]
     radiation: float | None = None
@@ -213,7 +213,7 @@ def _gas(air: Gas | tuple[float, float, float] | None, temperature: float) -> Ga
     return Gas(*air) if isinstance(air, tuple) else air or dry_air(temperature)
 
 
-def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[tuple[Correlation, ...], list[str]]:
+def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[tuple[HtcEstimate, ...], list[str]]:
     """Return the coefficients, and what their functions warned of."""
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always", ThermidWarning)
@@ -264,14 +264,14 @@ def _number(value: str | float, slot: str, name: str) -> float:
     return literal.value
 
 
-def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[Correlation, ...]:
+def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[HtcEstimate, ...]:
     """Return the coefficients of the faces, the one to compare with last."""
     mean = (hot + cold) / 2
     rayleigh = rayleigh_number(hot - cold, height, mean, air)
-    side = Correlation("vertical plate, laminar (Churchill and Chu; Eq. 7)", vertical_plate_htc(hot, cold, height, air), rayleigh)
+    side = HtcEstimate("vertical plate, laminar (Churchill and Chu; Eq. 7)", vertical_plate_htc(hot, cold, height, air), rayleigh)
     if rayleigh > LAMINAR_LIMIT:
         turbulent = vertical_plate_htc_all(hot, cold, height, air)
-        side_all = Correlation("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh)
+        side_all = HtcEstimate("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh)
         out = [side, side_all]
     else:
         out = [side]
@@ -281,11 +281,11 @@ def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...]
     across = length * width / (2 * (length + width))
     flat = rayleigh_number(hot - cold, across, mean, air)
     # the upper face of a hot box faces up; of a cold one, it is its lower face that behaves so
-    one = Correlation("horizontal plate, free side (McAdams)", horizontal_plate_up_htc(hot, cold, across, air), flat)
-    other = Correlation("horizontal plate, capped side (McAdams)", horizontal_plate_down_htc(hot, cold, across, air), flat)
+    one = HtcEstimate("horizontal plate, free side (McAdams)", horizontal_plate_up_htc(hot, cold, across, air), flat)
+    other = HtcEstimate("horizontal plate, capped side (McAdams)", horizontal_plate_down_htc(hot, cold, across, air), flat)
     walls, lid = 2 * (length + width) * height, length * width
     whole = (walls * out[-1].htc + lid * (one.htc + other.htc)) / (walls + 2 * lid)
-    return (*out, one, other, Correlation("whole box, mean over its six faces", whole))
+    return (*out, one, other, HtcEstimate("whole box, mean over its six faces", whole))
 
 
 def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:

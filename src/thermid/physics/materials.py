@@ -1,6 +1,6 @@
-"""A small table of materials and of surface finishes, each with its source: first guesses, not truths.
+"""A small table of materials, each with its source: first guesses, not truths. Emissivities are in `finishes`.
 
-A model should take its values from a certificate or a fit; these are where a fit starts, and what a prior of emissivity looks like.
+A model should take its values from a certificate or a fit; these are where a fit starts.
 """
 
 from __future__ import annotations
@@ -12,9 +12,7 @@ from types import MappingProxyType
 from thermid.errors import NameNotFoundError, nearest
 
 _INCROPERA = "handbook: Incropera, DeWitt, Bergman, Lavine, Fundamentals of Heat and Mass Transfer, 6th ed."
-_FORTESCUE = "Fortescue, Swinerd, Stark, Spacecraft Systems Engineering, 4th ed., Table 11.3"
 _CRAWFORD = "handbook: Crawford, Plastics Engineering, 3rd ed., Table 1.8"
-_FLIR = "tables of the FLIR camera manuals"
 
 
 @dataclass(frozen=True)
@@ -32,24 +30,6 @@ class Material:
     density: float
     specific_heat: float
     conductivity: float
-    source: str
-
-
-@dataclass(frozen=True)
-class Finish:
-    """Total emissivity of one surface finish near 300 K.
-
-    Parameters
-    ----------
-    emissivity : float   Typical value. [-]
-    lowest : float       Smallest value in the sources. [-]
-    highest : float      Largest value in the sources. [-]
-    source : str         Where the values are from.
-    """
-
-    emissivity: float
-    lowest: float
-    highest: float
     source: str
 
 
@@ -74,21 +54,6 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 )
 """Materials by name."""
 
-FINISHES: Mapping[str, Finish] = MappingProxyType(
-    {
-        "aluminium, polished": Finish(0.04, 0.04, 0.08, f"{_INCROPERA}, Table A.11; {_FORTESCUE}"),
-        "aluminium, as rolled": Finish(0.09, 0.06, 0.09, f"handbook: {_FLIR}, sheet as received and rough surface"),
-        "aluminium, anodised": Finish(0.82, 0.55, 0.95, f"{_INCROPERA}, Table A.11; {_FLIR}, sheet (0.55) and black, dull (0.95)"),
-        "stainless steel, cleaned": Finish(0.22, 0.17, 0.33, f"{_INCROPERA}, Table A.11, polished to lightly oxidised"),
-        "copper, polished": Finish(0.03, 0.02, 0.07, f"{_INCROPERA}, Table A.11; {_FLIR}, up to burnished"),
-        "copper, oxidised": Finish(0.78, 0.6, 0.88, f"handbook: {_FLIR}"),
-        "gold": Finish(0.03, 0.02, 0.04, f"{_INCROPERA}, Table A.11; {_FORTESCUE}"),
-        "black paint": Finish(0.90, 0.85, 0.98, f"handbook: {_FORTESCUE}, polyurethane and epoxy; Incropera, 6th ed., Table A.11, Parsons"),
-        "white paint": Finish(0.90, 0.83, 0.92, f"{_INCROPERA}, Table A.11, acrylic and zinc oxide; {_FORTESCUE}, silicone and silicate"),
-    }
-)
-"""Finishes by name."""
-
 
 def material(name: str) -> Material:
     """Properties of the material of that name.
@@ -106,21 +71,3 @@ def material(name: str) -> Material:
         known = ", ".join(MATERIALS)
         raise NameNotFoundError(f"no material '{name}' in the table.{nearest(name, MATERIALS)} Known: {known}. Or give its values.")
     return MATERIALS[name]
-
-
-def finish(name: str) -> Finish:
-    """Emissivity of the surface finish of that name, with its range.
-
-    Raises
-    ------
-    NameNotFoundError   The table does not have it; the message offers the nearest.
-
-    Examples
-    --------
-    >>> finish("aluminium, anodised").emissivity
-    0.82
-    """
-    if name not in FINISHES:
-        known = "; ".join(FINISHES)
-        raise NameNotFoundError(f"no finish '{name}' in the table.{nearest(name, FINISHES)} Known: {known}. Or give the emissivity.")
-    return FINISHES[name]

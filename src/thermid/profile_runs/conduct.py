@@ -20,7 +20,8 @@ from thermid.extensions import extension
 from thermid.measure.amounts import duration_text
 from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.memo import Memo
-from thermid.model.laws.signal import Constant, Signal, Table, literal, multiplied
+from thermid.model.deck.schema import Table
+from thermid.model.laws.signal import Constant, Signal, literal, multiplied
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.network import compile_network
@@ -30,9 +31,8 @@ from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
+from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.settling import settle
-from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring
 from thermid.simulation.transient import simulate
 

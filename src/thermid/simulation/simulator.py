@@ -18,17 +18,14 @@ from thermid.knowledge.sources import Distribution, read_spread
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
-from thermid.network.gas_checks import gas_remarks
-from thermid.network.network import Network, compile_network
-from thermid.network.reach import unreached
-from thermid.simulation.ensemble import Ensemble
-from thermid.simulation.members import run_members
+from thermid.network.medium import gas_remarks
+from thermid.network.network import Network, compile_network, unreached
+from thermid.simulation.ensemble import Ensemble, run_members
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation.solution import Run, Solution
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
+from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.settling import settle
-from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Wiring
 from thermid.units import TEMPERATURE
 

@@ -22,8 +22,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import correlation
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above, signal_turnings
-from thermid.simulation.solver.problem import Answer, Options, break_times, left_tables, read_nodes
-from thermid.simulation.solver.traces import Traces
+from thermid.simulation.solver.problem import Answer, Options, Traces, break_times, left_tables, read_nodes
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError, nearest
 from thermid.measure import read_plain
-from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
+from thermid.model.laws.signal import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import HOTTEST, Irradiation
 from thermid.simulation.scenarios.scenario import Scenario
@@ -61,7 +61,7 @@ class Trajectory:
             given = getattr(self, name)
             if given is None:
                 continue
-            Table(self.times, given)
+            TableSignal(self.times, given)
             if name != "altitude" and given.min() < 0.0:
                 raise ScenarioError(f"a {name} of {given.min():.4g} {UNITS[name]} does not exist.", "trajectory")
 
@@ -94,7 +94,7 @@ class Trajectory:
         ------
         ScenarioError   Before its first row and after its last.
         """
-        return Table(self.times, getattr(self, name)).within(times, f"trajectory, {name}")
+        return TableSignal(self.times, getattr(self, name)).within(times, f"trajectory, {name}")
 
     def grid(self, end: float, upper: str = "") -> Array:
         """Return times at which the air is worked out, close together between rows: of the flight as far as the air is known.
@@ -210,7 +210,7 @@ def ascent_scenario(
 def _pressure(trajectory: Trajectory | None, times: Array, upper: str, title: str) -> Signal:
     if trajectory is None:
         raise ScenarioError("give a trajectory, or the pressure as a curve.", title)
-    return Table(times, trajectory.air(times, upper)[0])
+    return TableSignal(times, trajectory.air(times, upper)[0])
 
 
 def _streams(
@@ -249,7 +249,7 @@ def _streams(
     for surface, share in flow.items():
         if not 0.0 <= share <= 1.0:
             raise ScenarioError(f"the cosine between '{surface}' and the flight is {share:g}; give 0 to 1.", f"{title}, flow")
-        out[surface] = Irradiation(stream=Table(after, share * heat))
+        out[surface] = Irradiation(stream=TableSignal(after, share * heat))
     return out
 
 

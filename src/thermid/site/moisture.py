@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
-from thermid.model.laws.signal import Constant, Signal, Table, check_span, signal
+from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, signal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.flat import Flat, FlatConductor
@@ -190,7 +190,7 @@ def moisture(
         if max(moved, _remaining(moved, given, left)) < SETTLED:
             return Moisture.of(solution, parts, followed)
         before = solution.temperatures
-        heats = {names[c.path]: Table(solution.times, heat, after="hold") for c, heat in zip(parts, _mixed(given, left), strict=True)}
+        heats = {names[c.path]: TableSignal(solution.times, heat, after="hold") for c, heat in zip(parts, _mixed(given, left), strict=True)}
     raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
 
 

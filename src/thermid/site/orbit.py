@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError
-from thermid.model.laws.signal import Constant, Signal, Table, joined, literal, signal
+from thermid.model.laws.signal import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.model.parts.facing import degrees
 from thermid.network.irradiation import Irradiation
 from thermid.site.exposure import SOLAR_CONSTANT, eclipse, planet_share
@@ -93,7 +93,7 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
     period, dark = eclipse(height, degrees(beta, "orbit, beta"))
     if dark == 0.0:
         return Constant(1.0)
-    orbits = Table(np.array([first, first + dark, first + period]), np.array([0.0, 1.0, 0.0]), hold=True, after="repeat")
+    orbits = TableSignal(np.array([first, first + dark, first + period]), np.array([0.0, 1.0, 0.0]), hold=True, after="repeat")
     # an eclipse one period earlier would be seen where the first begins late
     return orbits if first <= period - dark else joined(Constant(1.0), first, orbits)
 

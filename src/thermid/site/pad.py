@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Table, literal, signal
+from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, TableSignal, literal, signal
 from thermid.model.parts.facing import Facing, degrees
 from thermid.network.environment import Environment
 from thermid.physics.air import dry_air
@@ -112,15 +112,15 @@ def pad_scenario(
 def _downward(weather: Weather | None, air: Signal) -> Signal:
     """Return the long-wave radiation of the sky: measured, or from dew point and clouds. [W/m^2]"""
     if weather is not None and "infrared" in weather:
-        return Table(*weather["infrared"])
+        return TableSignal(*weather["infrared"])
     if weather is None or not {"dew_point", "humidity"} & set(weather.series):
         raise ScenarioError(
             "the temperature of the sky follows from infrared, dew_point or humidity, and there is none of them; give one, or sky = false.",
             weather.name if weather is not None else "pad",
         )
     wet = "dew_point" if "dew_point" in weather else "humidity"
-    cloud = Table(*weather["cloud"]) if "cloud" in weather else Constant(0.0)
-    return Mixed(Glow(wet == "humidity"), (Table(*weather[wet]), cloud, air))
+    cloud = TableSignal(*weather["cloud"]) if "cloud" in weather else Constant(0.0)
+    return Mixed(Glow(wet == "humidity"), (TableSignal(*weather[wet]), cloud, air))
 
 
 @dataclass(frozen=True)
@@ -192,10 +192,10 @@ def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, wh
     wet = table.get("rain", "")
     if wet not in ("", "roof", "wall"):
         raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where)
-    kelvin = Table(*weather["dry_bulb"]) if "dry_bulb" in weather else Constant(300.0)
-    fall = Table(*weather["rain"]) if wet else Constant(0.0)
+    kelvin = TableSignal(*weather["dry_bulb"]) if "dry_bulb" in weather else Constant(300.0)
+    fall = TableSignal(*weather["rain"]) if wet else Constant(0.0)
     # straight between the rows of the weather: a correlation is no better than that
-    return Mixed(Swept(length, pressure, calm, wet), (Table(*weather["wind"]), kelvin, fall), math.inf)
+    return Mixed(Swept(length, pressure, calm, wet), (TableSignal(*weather["wind"]), kelvin, fall), math.inf)
 
 
 @dataclass(frozen=True)
@@ -229,15 +229,15 @@ def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> S
         return signal(given, TEMPERATURE, f"{title}, air_temperature")
     if weather is None or "dry_bulb" not in weather:
         raise ScenarioError(f"nothing says how warm the air of '{air}' is: give weather with dry_bulb, or air_temperature.", title)
-    return Table(*weather["dry_bulb"])
+    return TableSignal(*weather["dry_bulb"])
 
 
 def _environment(site: Site, weather: Weather | None, seconds: float) -> Environment:
     """Return the state of the open air: its wind, and pressure and humidity as means, since no coefficient feels how weather moves them."""
     if weather is None:
         return Environment(Constant(site.pressure))
-    means = {k: MeanOf(Table(*weather[k]), seconds) for k in ("pressure", "humidity") if k in weather}
-    wind = Table(*weather["wind"]) if "wind" in weather else Constant(0.0)
+    means = {k: MeanOf(TableSignal(*weather[k]), seconds) for k in ("pressure", "humidity") if k in weather}
+    wind = TableSignal(*weather["wind"]) if "wind" in weather else Constant(0.0)
     humidity = means["humidity"].value if "humidity" in means else Environment.humidity
     return Environment(means.get("pressure", Constant(site.pressure)), humidity, wind=wind)
 

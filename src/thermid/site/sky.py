@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
-from thermid.model.laws.signal import Mixed, Signal, Table
+from thermid.model.laws.signal import Mixed, Signal, TableSignal
 from thermid.model.parts.facing import Facing
 from thermid.network.irradiation import Sky
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -69,7 +69,7 @@ class OpenSky(Sky):
 
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
-        beam = Table(self.times, self.direct_normal)
+        beam = TableSignal(self.times, self.direct_normal)
         return {"sun": beam} | ({"downward": self.downward} if self.downward is not None else {})
 
     def mapped(self, law: Callable[[Signal], Signal]) -> OpenSky:
@@ -86,7 +86,7 @@ class OpenSky(Sky):
         """Return the solar radiation on a surface. [W/m^2]"""
         where = facing or Facing(0.0)
         parts = (self.zenith, self.azimuth, self.direct_normal, self.diffuse, self.total)
-        return Table(self.times, on_plane(where.tilt, where.azimuth, *parts, self.albedo))
+        return TableSignal(self.times, on_plane(where.tilt, where.azimuth, *parts, self.albedo))
 
     def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
         """Return what the sky sends less than surroundings as warm as the air. [W/m^2]"""
@@ -174,7 +174,9 @@ class Overhead:
 def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: Array) -> tuple[Array, Array, Array]:
     """Return beam, diffuse and global (samples,) from what the weather has of them. [W/m^2]"""
     _check_night(weather, site, begin, float(times[-1]))
-    have = {k: Table(*weather[k]).within(times, f"{weather.name}, {k}") for k in ("direct_normal", "diffuse", "global") if k in weather}
+    have = {
+        k: TableSignal(*weather[k]).within(times, f"{weather.name}, {k}") for k in ("direct_normal", "diffuse", "global") if k in weather
+    }
     up = np.maximum(np.cos(np.radians(zenith)), 0.0)
     if {"direct_normal", "diffuse"} <= set(have):
         return have["direct_normal"], have["diffuse"], have.get("global", have["diffuse"] + have["direct_normal"] * up)

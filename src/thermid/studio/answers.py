@@ -6,31 +6,25 @@ import base64
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from thermid.campaign.retune import RetunePlan
 from thermid.errors import DeckError
-from thermid.fit.calibration import Calibration
 from thermid.knowledge.store import model_standing
 from thermid.studio.courses import Shelf
-from thermid.studio.curves import Curve, RunCurves, Window
+from thermid.studio.curves import RunCurves, ThinnedCurve, Window
 from thermid.studio.desk import Desk
 from thermid.studio.project import Project
-
-if TYPE_CHECKING:
-    from thermid.studio.work import Work
 
 SINGLE = 1e6
 """Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
 GASES = ("air", "vacuum", "printed")
 
 
-def project_object(project: Project, work: Work) -> dict[str, Any]:
-    """Return what is open and where its stages stand."""
+def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is open, where its stages stand, and the state of the job that runs or ran last."""
     table = project.table()
-    job = work.state()  # before the stages: a job that has ended has set all of them
     return {
         "title": project.title,
         "file": project.path.name,
@@ -74,32 +68,17 @@ def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: b
     return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
 
 
-def _run(run: RunCurves, without: tuple[Curve, ...], measured: bool) -> dict[str, Any]:
+def _run(run: RunCurves, without: tuple[ThinnedCurve, ...], measured: bool) -> dict[str, Any]:
     gone = {c.node: c for c in without}
     return {"name": run.name, "remarks": run.remarks, "curves": [_curve(c, gone.get(c.node), measured) for c in run.curves]}
 
 
-def _curve(curve: Curve, without: Curve | None, measured: bool) -> dict[str, Any]:
+def _curve(curve: ThinnedCurve, without: ThinnedCurve | None, measured: bool) -> dict[str, Any]:
     still = ("name", "node", "seen", "measured", "count") if measured else ()
     out = {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
     if without is not None:
         out |= {"gone_times": without.times, "gone": without.simulated}
     return out
-
-
-def fit_object(found: Calibration) -> dict[str, Any]:
-    """Return what a fit found: values in the units of the sliders, and all else that its curves need, such as errors of sensors [SI]."""
-    values = {
-        p: {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
-        for p, v in found.values.items()
-        if v.kind == "parameter"
-    }
-    sensors = {n: {"rmse": s.rmse, "bias": s.bias} for n, s in found.sensors.items()}
-    unknowns = found.problem.unknowns if found.problem is not None else ()
-    others = {u.name: u.to_value(found.fitted[u.name]) for u in unknowns if u.kind != "parameter"}
-    told = {"warnings": list(found.warnings), "evaluations": found.evaluations, "text": str(found)}
-    told |= {"standing": found.standing.to_dict(found.stage)}
-    return {"values": values, "others": others, "sensors": sensors, **told}
 
 
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -112,21 +91,6 @@ def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -
     if not isinstance(run, int) or not (time is None or isinstance(time, int | float)):
         raise DeckError("a run is a whole number and a time a number.", "studio")
     return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
-
-
-def plan_object(plan: RetunePlan) -> dict[str, Any]:
-    """Return what a swap costs."""
-    return {
-        "part": plan.part,
-        "standing": plan.standing.to_dict(),
-        "old": plan.old,
-        "new": plan.new,
-        "stages": [{"name": s.name, "action": s.action, "why": s.why, "free": s.free, "records": s.records} for s in plan.stages],
-        "freed": plan.freed,
-        "tests": plan.tests,
-        "sensors": {s: [plan.before[s] - 273.15, plan.after[s] - 273.15] for s in plan.before if s in plan.after},
-        "text": str(plan),
-    }
 
 
 def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:

@@ -19,7 +19,7 @@ def _none() -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ThinnedCurve:
     """One sensor, or one node where nothing was measured, at the points that a page shows.
 
     Parameters
@@ -53,7 +53,7 @@ class RunCurves:
     """All curves of one record or scenario."""
 
     name: str
-    curves: tuple[Curve, ...]
+    curves: tuple[ThinnedCurve, ...]
     remarks: tuple[str, ...] = ()
 
 

@@ -16,15 +16,14 @@ from thermid.fit.problem.experiment import attached, corrected
 from thermid.fit.problem.residuals import Bench, Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.model.tree.model import Model
-from thermid.model.tree.tree import parameter_table
+from thermid.model.tree.tree import Entry, parameter_table
 from thermid.network.network import compile_network
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.diagrams.folding import parts_of
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
-from thermid.studio.curves import POINTS, Curve, RunCurves, Window, thinned
-from thermid.studio.sliders import Slider, slider_of
+from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned
 from thermid.units import unit
 
 Array = NDArray[np.float64]
@@ -161,7 +160,7 @@ class Desk:
         """Paths of all submodels."""
         return parts_of(self.model)
 
-    def without_gas(self, values: Mapping[str, float], as_printed: bool) -> dict[str, tuple[Curve, ...]]:
+    def without_gas(self, values: Mapping[str, float], as_printed: bool) -> dict[str, tuple[ThinnedCurve, ...]]:
         """Return run -> the same curves in vacuum, or with every coefficient zero as the source document prints it.
 
         Raises
@@ -294,7 +293,7 @@ class Desk:
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(Curve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
+            out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 
@@ -312,8 +311,8 @@ def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) 
     )
 
 
-def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[Curve, ...]:
-    return tuple(Curve(n, n, *thinned(solution.times, solution[n].celsius, window)) for n in nodes)
+def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[ThinnedCurve, ...]:
+    return tuple(ThinnedCurve(n, n, *thinned(solution.times, solution[n].celsius, window)) for n in nodes)
 
 
 def _bias(problem: Problem, sensor: str, fitted: Array) -> float:
@@ -321,3 +320,52 @@ def _bias(problem: Problem, sensor: str, fitted: Array) -> float:
     places = (k for k, u in enumerate(problem.unknowns) if u.kind == "sensor" and u.name == f"sensor {sensor}")
     k = next(places, None)
     return problem.fixed_bias.get(sensor, 0.0) if k is None else float(fitted[k])
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A parameter that may be moved.
+
+    Parameters
+    ----------
+    path : str              The parameter.
+    unit : str              In which values and bounds are written.
+    value, low, high        Where it starts and how far it may go. [unit]
+    log : bool              Whether the track is logarithmic.
+    free : bool             Whether the stage fits it.
+    error : float or None   Standard error that the fit found. [unit]
+    source, note : str      Where the value comes from.
+    also : tuple of str     Other instances that move with it.
+    """
+
+    path: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    log: bool
+    free: bool = False
+    error: float | None = None
+    source: str = ""
+    note: str = ""
+    also: tuple[str, ...] = ()
+
+
+def slider_of(path: str, entry: Entry, value: float, error: float | None, free: bool, also: tuple[str, ...]) -> Slider:
+    """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
+    given = entry.parameter
+    of = unit(given.unit or "1")
+    low, high = (None if b is None else _plain(b, given.unit) for b in (given.minimum, given.maximum))
+    at = _plain(value, given.unit)
+    log = at > 0 and not of.absolute and (low is None or low > 0)
+    span = abs(at) if not of.absolute else 50.0
+    low = low if low is not None else at / 5 if log else at - span
+    high = high if high is not None else at * 5 if log else at + span
+    shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
+    note = "; ".join(t for t in (given.note, given.basis) if t)
+    return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)
+
+
+def _plain(si: float, text: str) -> float:
+    of = unit(text or "1")
+    return (si - float(of.offset)) / float(of.factor)

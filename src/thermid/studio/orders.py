@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from thermid.errors import DeckError
-from thermid.studio.answers import curves_object, desk_object, picture, plan_object, project_object, shelf_object, window_of
+from thermid.reporting.pages.views import swap_object
+from thermid.studio.answers import curves_object, desk_object, picture, project_object, shelf_object, window_of
 from thermid.studio.courses import profile_for, profile_object
 from thermid.studio.follow import Follower
 from thermid.studio.outcomes import outcome_object
@@ -23,7 +24,8 @@ def questions(project: Project, work: Work, follower: Follower) -> dict[str, Cal
         return query.get("stage", project.stages[0])
 
     return {
-        "project": lambda q: project_object(project, work),
+        # the job before the stages: one that has ended has set all of them
+        "project": lambda q: project_object(project, work.state()),
         "desk": lambda q: desk_object(project.desk(stage(q))),
         "shelf": lambda q: shelf_object(work.shelf, project.desk(stage(q))),
         "job": lambda q: work.state(),
@@ -60,7 +62,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
         "scenario": lambda b: work.scenario(_text(b, "stage"), _text(b, "course"), _values(b), b),
         "stop": lambda b: work.stop(),
         "outcome": outcome,
-        "swap": lambda b: plan_object(project.swap(_text(b, "part"), _text(b, "deck"))),
+        "swap": lambda b: swap_object(project.swap(_text(b, "part"), _text(b, "deck"))),
     }
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from thermid.errors import DeckError, ThermidError
+from thermid.reporting.pages.views import fit_object
 from thermid.studio.courses import Shelf
 from thermid.studio.outcomes import Outcome, run_course
 from thermid.studio.project import Project
@@ -83,7 +84,6 @@ class Work:
 
     def fit(self, stage: str, values: Mapping[str, float], free: tuple[str, ...]) -> dict[str, Any]:
         """Begin to fit chosen parameters from values of the sliders."""
-        from thermid.studio.answers import fit_object
 
         def job(j: _Job) -> None:
             j.result = fit_object(self._project.fit(stage, values, free, lambda count, rms: _tell(j, count, rms)))

@@ -17,7 +17,7 @@ from thermid.campaign.stages import Campaign, request_of, run_stages
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.fit.problem.request import in_full, key_of
 from thermid.knowledge.values import load_values
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 
@@ -488,7 +488,7 @@ class TestCache:
         values = np.linspace(20.0, 30.0, 5000)
         other = values.copy()
         other[2500] = np.nextafter(values[2500], 40.0)
-        texts = [json.dumps(Table(np.arange(5000.0), v), default=in_full) for v in (values, other)]
+        texts = [json.dumps(TableSignal(np.arange(5000.0), v), default=in_full) for v in (values, other)]
         assert texts[0] != texts[1]
 
     @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"key": 1}', b"\xff\xfe\x00", b'{"key": "x", "fitted": 3}', b"null"])

@@ -34,12 +34,12 @@ def option(advice: td.Advice, start: str) -> Option:
 
 def made(level: Callable[[np.ndarray], np.ndarray], seed: int, hours: float = 4.0) -> td.Record:
     """The test as it would be logged, one reading a minute."""
-    from thermid.model.laws.signal import Table
+    from thermid.model.laws.signal import TableSignal
 
     samples = int(60 * hours) + 1
     times = np.linspace(0.0, 3600.0 * hours, samples)
     watts = level(times)
-    power = Table(times, watts, True)
+    power = TableSignal(times, watts, True)
     data = log(
         box(),
         TRUE,

@@ -153,7 +153,7 @@ class TestRanges:
     def test_still_air_and_its_doubt(self) -> None:
         """Correlations for bodies are good to a factor of 1.5 either way; radiation of 2 to 98 % of a black body is added."""
         from thermid.physics.air import dry_air
-        from thermid.physics.bodies import body_htc, conduction_floor
+        from thermid.physics.plates import body_htc, conduction_floor
         from thermid.physics.radiation import linearised_htc
 
         fit = td.calibrate(box(), log(box(), {}, {"T": "case"}), [HTC])

@@ -12,7 +12,7 @@ import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError
 from thermid.fit.problem.gather import problem_for
 from thermid.fit.problem.request import Request
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 BOX = td.model_from_dict(
     {
@@ -143,7 +143,7 @@ GRID = 10.0
 def switched(offset: float, rate: float, phases: np.ndarray) -> td.Scenario:
     """Return what was done: powers that changed so long after the samples of a meter. [s]"""
     times = [0.0, *(offset + rate * (t + p) for (t, _), p in zip(SWITCHES, phases, strict=True)), 2 * SLOW[-1]]
-    power = Table(np.array(times), np.array([0.0, *(w for _, w in SWITCHES), 0.0]), hold=True)
+    power = TableSignal(np.array(times), np.array([0.0, *(w for _, w in SWITCHES), 0.0]), hold=True)
     return td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
 
 
@@ -220,7 +220,7 @@ def test_records_that_cannot_be_joined() -> None:
 def held(offset: float, rate: float, seed: int = 3) -> tuple[td.Record, td.Record]:
     """Return the same logs where the meter's readings hold until the next one, as the meter's log is read."""
     first, second = logs(offset, rate)
-    power = Table(offset + rate * FAST, POWER, hold=True, before="hold")
+    power = TableSignal(offset + rate * FAST, POWER, hold=True, before="hold")
     made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
     noise = 0.05 * np.random.default_rng(seed).standard_normal(SLOW.size)
     read = first.channels["T"]

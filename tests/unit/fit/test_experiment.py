@@ -12,7 +12,7 @@ from thermid.errors import IdentificationError, NameNotFoundError, RecordError, 
 from thermid.fit.calibrate import calibrate
 from thermid.fit.problem.experiment import first_reading, meet
 from thermid.measure import Channel, Record, read_record
-from thermid.model.laws.signal import Constant, Table
+from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
@@ -41,7 +41,7 @@ def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record)
     watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="heat")
     found = meet(model, bound(record, T="case", ROOM="air").with_channels(watts))
     assert [(o.sensor, o.node) for o in found.observations] == [("T", "case")]
-    assert isinstance(found.scenario.boundaries["air"], Table)
+    assert isinstance(found.scenario.boundaries["air"], TableSignal)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 3.0)
     assert found.scenario.loads["heat"].hold
 

@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, SolverError
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 PAIR = td.model_from_dict(
     {
@@ -30,7 +30,7 @@ def log(factor: float = 1.0, exchanged: bool = False) -> td.Record:
     """Return a log of a pair that differs from its deck, its powers times a factor, its sensors exchanged or not."""
     watts = np.where(TIMES < 9000.0, 8.0, 2.0)
     hidden = PAIR.with_values({"amp.capacitance": "900 [J/K]", "amp_psu.conductance": "0.8 [W/K]"})
-    run = td.simulate(hidden, SCENARIO.with_(loads={"heat": Table(TIMES, watts, hold=True)}, duration=float(TIMES[-1])), times=TIMES)
+    run = td.simulate(hidden, SCENARIO.with_(loads={"heat": TableSignal(TIMES, watts, hold=True)}, duration=float(TIMES[-1])), times=TIMES)
     rng = np.random.default_rng(1)
     nodes = ("psu", "amp") if exchanged else ("amp", "psu")
     channels = {

@@ -18,7 +18,8 @@ from thermid.design.next_test import next_test
 from thermid.inference.identifiability import identifiability
 from thermid.measure import Record
 from thermid.model.deck.save import save_model
-from thermid.studio.answers import as_json, curves_object, desk_object, fit_object, picture, plan_object, project_object
+from thermid.reporting.pages.views import fit_object, swap_object
+from thermid.studio.answers import as_json, curves_object, desk_object, picture, project_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 from unit.fit.bench import HTC, box, log, pair
@@ -210,7 +211,7 @@ def shown(c: Cell) -> None:
             as_json(answer)
         rmse = desk.curves({})[0].curves[0].rmse
         assert rmse == pytest.approx(c.campaign[name].statistics[desk.curves({})[0].name]["T"].rmse, rel=1e-2, abs=1e-3)
-    as_json(project_object(c.studio, Work(c.studio)))
+    as_json(project_object(c.studio, Work(c.studio).state()))
 
 
 def drawn(c: Cell) -> None:
@@ -223,7 +224,7 @@ def drawn(c: Cell) -> None:
 def swapped(c: Cell) -> None:
     plan = td.plan_retune(c.campaign, "box", c.folder / "cool.toml")
     assert plan.touched
-    as_json(plan_object(plan))
+    as_json(swap_object(plan))
 
 
 def commanded(c: Cell) -> None:

@@ -49,9 +49,9 @@ def test_a_gas_that_leaves_agrees(tmp_path: Path) -> None:
             "loads": {"heater": {"into": "plate", "power": "6 [W]"}},
         }
     )
-    from thermid.model.laws.signal import Table
+    from thermid.model.laws.signal import TableSignal
 
-    pump = Table(np.array([0.0, 1800.0]), np.array([101325.0, 0.0]), hold=True)
+    pump = TableSignal(np.array([0.0, 1800.0]), np.array([101325.0, 0.0]), hold=True)
     scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.Environment(pump)}, duration="1 [h]")
     times = np.linspace(0.0, 3600.0, 13)
     td.to_octave(model, scenario, tmp_path / "plate.m")

@@ -12,7 +12,7 @@ from scipy.integrate import quad, solve_ivp
 import thermid as td
 from thermid.errors import DeckError, ScenarioError, SolverError
 from thermid.model.laws.curves import curve, evaluate
-from thermid.model.laws.stores import Store, store
+from thermid.model.laws.stores import HeatStore, store
 from thermid.model.tree.identity import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
@@ -181,7 +181,7 @@ def test_freezing_gives_it_back() -> None:
 @pytest.mark.parametrize("name", ["specific_heat", "enthalpy"])
 def test_levels_are_inverse_to_temperatures(name: str) -> None:
     given = SHAPE if name == "specific_heat" else curve("temperature", [(273.15, 0.0), (300.0, 5.4e4), (302.0, 2.4e5), (350.0, 3.5e5)])
-    held: Store = store(name, given)
+    held: HeatStore = store(name, given)
     at = np.linspace(200.0, 700.0, 1001)
     assert np.abs(evaluate(held.curve, held.level(at)) - at).max() < 1e-8
 

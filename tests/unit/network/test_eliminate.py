@@ -15,8 +15,7 @@ from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.tree.model import Model
-from thermid.network.eliminate import Reduced, eliminable, reduce_network
-from thermid.network.network import Network, Numbers, compile_network, free_numbers
+from thermid.network.network import Network, Numbers, Reduced, compile_network, eliminable, free_numbers, reduce_network
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,12 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
-from thermid.model.laws.signal import Constant, Table
+from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.tree.identity import to_dict
-from thermid.network.pressure import sampled, vented
-from thermid.physics.bodies import body_htc
+from thermid.network.medium import sampled, vented
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, half_pressure, knudsen_number
-from thermid.physics.plates import horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
+from thermid.physics.plates import body_htc, horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 
@@ -25,7 +24,7 @@ BENCH = td.Scenario("bench", boundaries={"air": "300 [K]"}, start="air", duratio
 
 def at(pressure: Any, **more: Any) -> td.Scenario:
     """The bench at a pressure [Pa]."""
-    given = pressure if isinstance(pressure, Table) else Constant(float(pressure))
+    given = pressure if isinstance(pressure, TableSignal) else Constant(float(pressure))
     return BENCH.with_(environment={"*": td.Environment(given, **more)})
 
 
@@ -199,7 +198,7 @@ LONG = np.array([0.0, 3600.0, 3601.0, 40 * 3600.0])
 def test_wind_in_time_is_that_of_a_constant_one(speed: float) -> None:
     """After a storm of 8 m/s the wind is another; what a run settles at is what a constant wind gives."""
     model = box({"htc": {"length": "5 [cm]"}})
-    gust = at(ATMOSPHERE, wind=Table(LONG, np.array([8.0, 8.0, speed, speed]))).with_(duration="30 [h]")
+    gust = at(ATMOSPHERE, wind=TableSignal(LONG, np.array([8.0, 8.0, speed, speed]))).with_(duration="30 [h]")
     run = td.simulate(model, gust)
     steady = td.steady(model, at(ATMOSPHERE, wind=speed))["case"]
     assert run["case"].kelvin[-1] - 300.0 == pytest.approx(steady - 300.0, rel=0.02)
@@ -211,11 +210,11 @@ def test_wind_in_time_is_that_of_a_constant_one(speed: float) -> None:
 def test_wind_thins_with_its_gas() -> None:
     model = box({"htc": {"length": "5 [cm]"}})
     for low in (3e4, 1e3):
-        pumped = at(Table(LONG, np.array([ATMOSPHERE, ATMOSPHERE, low, low])), wind=3.0).with_(duration="30 [h]")
+        pumped = at(TableSignal(LONG, np.array([ATMOSPHERE, ATMOSPHERE, low, low])), wind=3.0).with_(duration="30 [h]")
         found = td.simulate(model, pumped)["case"].kelvin[-1] - 300.0
         assert found == pytest.approx(td.steady(model, at(low, wind=3.0))["case"] - 300.0, rel=0.02)
     model = box({"htc": {"length": "5 [cm]"}, "emissivity": 0})
-    empty = at(Table(LONG, np.array([ATMOSPHERE, ATMOSPHERE, 0.0, 0.0])), wind=3.0).with_(duration="2 [h]")
+    empty = at(TableSignal(LONG, np.array([ATMOSPHERE, ATMOSPHERE, 0.0, 0.0])), wind=3.0).with_(duration="2 [h]")
     assert np.abs(td.simulate(model, empty).heat_flow("skin")[-10:]).max() < 1e-9
 
 
@@ -225,7 +224,7 @@ def test_wind_that_swings_or_jumps() -> None:
     run = td.simulate(model, at(ATMOSPHERE, wind=swing))
     assert run.heat_balance().relative < 1e-6
     assert np.ptp(run["case"].kelvin[-60:]) > 0.3
-    held = td.simulate(model, at(ATMOSPHERE, wind=Table(np.array([0.0, 3600.0]), np.array([3.0, 0.0]), hold=True)))
+    held = td.simulate(model, at(ATMOSPHERE, wind=TableSignal(np.array([0.0, 3600.0]), np.array([3.0, 0.0]), hold=True)))
     assert held["case"].kelvin[149] - 300.0 == pytest.approx(td.steady(model, at(ATMOSPHERE, wind=3.0))["case"] - 300.0, rel=1e-3)
     assert held["case"].kelvin[-1] > held["case"].kelvin[149] + 1.0
 
@@ -331,7 +330,7 @@ def test_a_sealed_volume_keeps_its_gas_in_vacuum() -> None:
 
 def test_a_pressure_that_falls_in_time_meets_the_constant_ones() -> None:
     """Half an hour from one atmosphere to 100 Pa; long before and after, the run is that at a constant pressure."""
-    pump = Table(np.array([0.0, 36000.0, 37800.0]), np.array([ATMOSPHERE, ATMOSPHERE, 100.0]), after="hold")
+    pump = TableSignal(np.array([0.0, 36000.0, 37800.0]), np.array([ATMOSPHERE, ATMOSPHERE, 100.0]), after="hold")
     for skin in (
         {"htc": "5 [W/(m^2 K)]", "emissivity": 0.3},
         {"effective_htc": "6 [W/(m^2 K)]", "emissivity": 0.3},
@@ -350,10 +349,10 @@ def test_a_vented_volume_follows_with_its_time_constant() -> None:
     jump = vented(Constant(ATMOSPHERE), Constant(0.0), 20.0, "x")
     times = np.array([0.0, 10.0, 20.0, 60.0])
     assert jump.at(times) == pytest.approx(ATMOSPHERE * np.exp(-times / 20.0), rel=2e-3)
-    ramp = vented(Constant(1000.0), Table(np.array([0.0, 1000.0]), np.array([1000.0, 0.0])), 20.0, "x")
+    ramp = vented(Constant(1000.0), TableSignal(np.array([0.0, 1000.0]), np.array([1000.0, 0.0])), 20.0, "x")
     assert ramp.at(np.array([500.0]))[0] == pytest.approx(520.0, rel=1e-3)
     with pytest.raises(ScenarioError, match="that at its start, a constant"):
-        vented(Table(np.array([0.0, 1.0]), np.ones(2)), Constant(0.0), 1.0, "x")
+        vented(TableSignal(np.array([0.0, 1.0]), np.ones(2)), Constant(0.0), 1.0, "x")
 
 
 def test_a_volume_is_vented_to_one_that_has_a_pressure() -> None:
@@ -374,7 +373,7 @@ def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:
 
 
 def test_the_root_of_a_sampled_pressure_is_straight() -> None:
-    table = sampled(Table(np.array([0.0, 100.0]), np.array([ATMOSPHERE, 0.0])), 100.0)
+    table = sampled(TableSignal(np.array([0.0, 100.0]), np.array([ATMOSPHERE, 0.0])), 100.0)
     times = np.linspace(0.0, 100.0, 5001)
     root = np.interp(times, table.times, np.sqrt(table.values))
     assert np.abs(root - np.sqrt(ATMOSPHERE * (1 - times / 100.0))).max() < 0.01 * np.sqrt(ATMOSPHERE)
@@ -400,7 +399,7 @@ def crowded() -> td.Model:
     )
 
 
-PUMPED = Table(np.array([0.0, 600.0, 3000.0]), np.array([ATMOSPHERE, ATMOSPHERE, 20.0]), after="hold")
+PUMPED = TableSignal(np.array([0.0, 600.0, 3000.0]), np.array([ATMOSPHERE, ATMOSPHERE, 20.0]), after="hold")
 FREE = ["up.area", "up.htc.length", "side.area", "side.htc.length", "gap.area", "gap.gap", "gap.accommodation", "heat.power", "air"]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, ScenarioError
-from thermid.model.laws.signal import Constant, Table
+from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.tree.identity import to_dict
 from thermid.physics.conduction import fin_conductances, fin_parameter
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
@@ -126,7 +126,7 @@ def test_pressure_between_and_in_time_ends_at_both() -> None:
     assert np.all(np.diff(steps) < 0)
     assert steps[-1] == pytest.approx(0.0, abs=1e-3 * steps[0])
     for hold in (True, False):
-        pump = Table(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), hold=hold, after="hold")
+        pump = TableSignal(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), hold=hold, after="hold")
         run = td.simulate(model(lead), bench(environment={"*": td.Environment(pump)}))
         assert run.heat_flow("rod.first")[-1] == pytest.approx(0.0, abs=1e-9)
         assert run.heat_flow("rod.first")[10] == pytest.approx(heats(lead)["rod.first"], rel=1e-6)
@@ -220,7 +220,7 @@ def test_a_stream_closes_the_balance_and_is_not_reciprocal() -> None:
 
 
 def test_a_stream_is_switched_by_a_schedule() -> None:
-    on = Table(np.array([0.0, 60.0, 120.0]), np.array([0.002, 0.0, 0.0]), hold=True)
+    on = TableSignal(np.array([0.0, 60.0, 120.0]), np.array([0.002, 0.0, 0.0]), hold=True)
     run = td.simulate(duct(2), WARM.with_(schedule={"s0.mass_flow": on, "s1.mass_flow": on}, duration="10 [min]"))
     assert run.heat_balance().relative < 1e-6
     assert run["v1"].at(59.0) < 75.0

@@ -10,7 +10,7 @@ import pytest
 from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
 from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.laws.signal import Constant, Sine, Table
+from thermid.model.laws.signal import Constant, Sine, TableSignal
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.medium import Media
@@ -268,7 +268,7 @@ def test_a_pressure_beyond_dilute_gases_or_none_is_refused(pressure: float) -> N
 
 
 def test_changing_pressure_switches_rows() -> None:
-    pump = Environment(Table(np.array([0.0, 600.0]), np.array([ATMOSPHERE, 1e-3]), hold=True))
+    pump = Environment(TableSignal(np.array([0.0, 600.0]), np.array([ATMOSPHERE, 1e-3]), hold=True))
     found = rows(box(htc="5 [W/(m^2 K)]", emissivity=0), pump)
     assert list(found) == ["skin linear gas *", "skin.radiation radiation"]
     assert list(rows(box(effective_htc="6 [W/(m^2 K)]", emissivity=0.3), pump, gas="air")) == [
@@ -284,7 +284,7 @@ def test_changing_pressure_switches_rows() -> None:
 
 
 def test_changing_pressure_of_an_effective_coefficient_is_refused_too() -> None:
-    pump = Environment(Table(np.array([0.0, 600.0]), np.array([ATMOSPHERE, 0.0]), hold=True))
+    pump = Environment(TableSignal(np.array([0.0, 600.0]), np.array([ATMOSPHERE, 0.0]), hold=True))
     with pytest.raises(ScenarioError, match="is effective: it contains radiation"):
         rows(box(effective_htc="6 [W/(m^2 K)]"), pump)
 
@@ -313,7 +313,7 @@ def test_one_gas_is_not_the_other() -> None:
         ({"humidity": -0.1}, "a relative humidity of -0.1 does not exist"),
         ({"humidity": float("nan")}, "a relative humidity of nan does not exist"),
         ({"pressure": Constant(-1.0)}, "a pressure below zero does not exist."),
-        ({"pressure": Table(np.array([0.0, 1.0]), np.array([1e5, -1.0]))}, "a pressure below zero"),
+        ({"pressure": TableSignal(np.array([0.0, 1.0]), np.array([1e5, -1.0]))}, "a pressure below zero"),
         ({"pressure": Sine(1e5, 2e5, 10.0)}, "a pressure below zero"),
         ({"gravity": -1.0}, "gravity and wind are sizes"),
         ({"gas": "argon"}, "no gas is called 'argon'"),

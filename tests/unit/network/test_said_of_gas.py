@@ -13,13 +13,13 @@ import pytest
 import thermid as td
 from thermid.cli import main
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.identity import to_dict
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="air", duration="10 [h]")
 PUMPED = ROOM.with_(
-    environment={"*": td.Environment(Table(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), after="hold"))}
+    environment={"*": td.Environment(TableSignal(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), after="hold"))}
 )
 HTC = {"htc": "5 [W/(m^2 K)]"}
 SAYS_NO_EMISSIVITY = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from thermid.errors import NameNotFoundError
-from thermid.physics.materials import FINISHES, MATERIALS, finish, material
+from thermid.physics.materials import MATERIALS, material
 
 
 def test_aluminium_of_the_document() -> None:
@@ -26,9 +26,6 @@ def test_every_value_is_positive_and_has_a_source() -> None:
     for entry in MATERIALS.values():
         assert min(entry.density, entry.specific_heat, entry.conductivity) > 0
         assert entry.source.startswith("handbook: ")
-    for surface in FINISHES.values():
-        assert 0 < surface.lowest <= surface.emissivity <= surface.highest <= 1
-        assert surface.source.startswith("handbook: ")
 
 
 def test_tables_cannot_be_changed() -> None:
@@ -39,5 +36,3 @@ def test_tables_cannot_be_changed() -> None:
 def test_misspelt_names_offer_the_nearest() -> None:
     with pytest.raises(NameNotFoundError, match=r"no material 'aluminum 7075-T6'.*Did you mean 'aluminium 7075-T6'"):
         material("aluminum 7075-T6")
-    with pytest.raises(NameNotFoundError, match=r"no finish 'black pain'.*Did you mean 'black paint'"):
-        finish("black pain")

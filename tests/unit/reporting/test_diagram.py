@@ -13,9 +13,8 @@ import thermid as td
 from thermid.errors import NameNotFoundError
 from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.flat import flatten
-from thermid.reporting.diagrams.diagram import STYLES, diagram
+from thermid.reporting.diagrams.diagram import STYLES, diagram, quantity
 from thermid.reporting.diagrams.layout import arrange, clipped, width_of
-from thermid.reporting.diagrams.values import quantity
 
 SVG = "{http://www.w3.org/2000/svg}"
 

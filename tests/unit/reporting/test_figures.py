@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.reporting.pictures import chart, figures
-from thermid.reporting.pictures.chart import Line, Panel, thinned
+from thermid.reporting.pictures.chart import Panel, Stroke, thinned
 from thermid.reporting.pictures.figures import Dots, choose, overview, prediction, time_unit, trace
 
 
@@ -123,7 +123,7 @@ def test_a_prediction_shows_every_node_and_stays_small_with_many(box: td.Model) 
     assert [e.label.split()[0] for e in drawn.legend] == list(solution.nodes)
     assert f"{solution['case'].final:.1f} °C" in drawn.legend[0].label
     x = np.linspace(0.0, 1.0, 5000)
-    many = [Line(f"node {k}", x, np.sin(9 * x + k), ("--s0", "#000000")) for k in range(500)]
+    many = [Stroke(f"node {k}", x, np.sin(9 * x + k), ("--s0", "#000000")) for k in range(500)]
     markup, points = chart.chart([Panel("temperature", "°C", many)], key="k", label="l", x_name=("time", "h"), size=(760, 330))
     assert points <= chart.MOST
     assert len(markup) < 500_000

@@ -9,7 +9,7 @@ import pytest
 
 from thermid.fit.uncertainty.moved import Move, MovedGroup, Moves
 from thermid.reporting.blocks.cells import DASH
-from thermid.reporting.pages.levels import moved
+from thermid.reporting.pages.campaign import moved
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.cells import Column, Table
+from thermid.reporting.blocks.cells import Head, Table
 from thermid.reporting.blocks.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded
-from thermid.reporting.pictures.curves import Band, Curve, curves
+from thermid.reporting.pictures.figures import DrawnCurve, ShadedBand, curves
 from webpage import without_script
 
 STUDY = Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml"
@@ -23,8 +23,8 @@ TIMES = np.linspace(0.0, 18000.0, 101)
 @pytest.fixture(scope="module")
 def drawn() -> Plot:
     rise = 24.0 + 10.0 * (1.0 - np.exp(-TIMES / 3600.0))
-    lines = [Curve("measured", "measured", TIMES, rise), Curve("a bound", "bound", TIMES, 24.0 + TIMES / 300.0)]
-    return Plot(curves(lines, "one", "a rise", band=Band("95 %", TIMES, rise - 1, rise + 1), top=40.0), "a caption", "synthetic")
+    lines = [DrawnCurve("measured", "measured", TIMES, rise), DrawnCurve("a bound", "bound", TIMES, 24.0 + TIMES / 300.0)]
+    return Plot(curves(lines, "one", "a rise", band=ShadedBand("95 %", TIMES, rise - 1, rise + 1), top=40.0), "a caption", "synthetic")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def page(drawn: Plot, tmp_path_factory: pytest.TempPathFactory) -> str:
     blocks = [
         *(Words(EVIL), Heading("heading"), Notes((EVIL,), "note"), Facts((("name", "value"),)), Code("a = 1 < 2", "code")),
         *(Picture("<svg></svg>", "picture"), Formulas((("<math></math>", "(1)"),)), Figures((drawn,), drawn.drawn.legend)),
-        folded("more", [Table.of([Column("a")], [[EVIL]])]),
+        folded("more", [Table.of([Head("a")], [[EVIL]])]),
     ]
     section = Section.of("own", "What the author adds", blocks)
     target = tmp_path_factory.mktemp("page") / "deep" / "page.html"

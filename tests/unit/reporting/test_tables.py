@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Table, number, pretty, signed, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Table, number, pretty, signed, significant
 from thermid.reporting.pages import origins, tables
 
 
@@ -183,4 +183,4 @@ def test_numbers_read_well() -> None:
 
 def test_a_crooked_table_is_refused() -> None:
     with pytest.raises(ValueError, match="as many cells"):
-        Table.of([Column("a"), Column("b")], [["1"]])
+        Table.of([Head("a"), Head("b")], [["1"]])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 from .large_cases import NODES, warm_block, warming_room
 
@@ -86,12 +86,12 @@ def noisy_room() -> td.Scenario:
     rng = np.random.default_rng(3)
     times = np.arange(3601.0)
     return td.Scenario(
-        "noisy", boundaries={"air": Table(times, 295.0 + 2.0 * rng.standard_normal(times.size))}, start=290.0, duration=3600.0
+        "noisy", boundaries={"air": TableSignal(times, 295.0 + 2.0 * rng.standard_normal(times.size))}, start=290.0, duration=3600.0
     )
 
 
 def jumping_heat() -> td.Scenario:
-    power = Table(np.array([0.0, 900.0, 1000.0, 2500.0]), np.array([0.0, 8.0, 0.0, 3.0]), hold=True)
+    power = TableSignal(np.array([0.0, 900.0, 1000.0, 2500.0]), np.array([0.0, 8.0, 0.0, 3.0]), hold=True)
     return td.Scenario("jumps", boundaries={"air": "295 [K]"}, loads={"heater": power}, start=290.0, duration=3600.0)
 
 

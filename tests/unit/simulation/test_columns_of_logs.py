@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.errors import ThermidError
 from thermid.fit.problem.experiment import meet
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
 1000,20,21,5,3,4,50,101325,0,0
@@ -61,7 +61,7 @@ irradiation = {{ face = {{ total = {column("sun")}, sky = {column("room")}, sky_
         "sky": (face.sky, 273.15 + np.array([20, 20, 30, 30])),
     }
     for name, (signal, values) in signals.items():
-        assert isinstance(signal, Table), name
+        assert isinstance(signal, TableSignal), name
         assert signal.times == pytest.approx(BEGUN), name
         assert signal.values == pytest.approx(values), name
         assert signal.hold is (name == "drive")

@@ -14,8 +14,8 @@ import thermid as td
 from thermid import _kernel
 from thermid.errors import NameNotFoundError, ScenarioError, UnitError
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.laws.signal import Table
-from thermid.simulation.members import assemble_members
+from thermid.model.laws.signal import TableSignal
+from thermid.simulation.ensemble import assemble_members
 
 TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=5e-8)
 DECK: dict[str, Any] = {
@@ -47,7 +47,7 @@ _GRID = np.arange(0.0, 5401.0)
 _NOISE = np.random.default_rng(3).standard_normal(_GRID.size)
 ROOM = td.Scenario(
     "room",
-    boundaries={"room": Table(_GRID, np.round((295.0 + np.sin(_GRID / 900.0) + 0.05 * _NOISE) * 16) / 16)},
+    boundaries={"room": TableSignal(_GRID, np.round((295.0 + np.sin(_GRID / 900.0) + 0.05 * _NOISE) * 16) / 16)},
     start=295.0,
     duration="1.5 [h]",
 )
@@ -203,10 +203,10 @@ def test_statistics() -> None:
 
 
 def test_kept_quantiles_are_those_of_the_traces(monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.simulation import members
+    from thermid.simulation import ensemble
 
     whole = td.ensemble(MODEL, ROOM, DRAWS, every=60.0)
-    monkeypatch.setattr(members, "CHUNK", 8 * 21 * 2 * 7)  # seven times at once
+    monkeypatch.setattr(ensemble, "CHUNK", 8 * 21 * 2 * 7)  # seven times at once
     few = td.ensemble(MODEL, ROOM, DRAWS, every=60.0, quantiles=(0.05, 0.5), nodes=["seam", "room"])
     assert few.nodes == ("seam", "room")
     for node in few.nodes:

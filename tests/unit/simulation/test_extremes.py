@@ -15,7 +15,7 @@ from oracle import Oracle, flatten, si
 from switched import switched
 from thermid.judge.limits import Limits, check_limits, check_readings
 from thermid.judge.margins import margins
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
@@ -203,7 +203,7 @@ def noisy(hold: bool) -> tuple[td.Model, td.Scenario]:
     model = td.model_from_dict({"title": "n", "needs": ["air"], "nodes": nodes, "conductors": conductors, "loads": loads})
     times = np.arange(3601.0)
     values = 293.15 + 0.2 * np.random.default_rng(3).standard_normal(times.size) + 3.0 * ((times + 3.0) % 1300.0 > 703.0)
-    return model, td.Scenario(title="log", duration="1 [h]", boundaries={"air": Table(times, values, hold=hold)}, start=293.15)
+    return model, td.Scenario(title="log", duration="1 [h]", boundaries={"air": TableSignal(times, values, hold=hold)}, start=293.15)
 
 
 def strayed(trace: Trace, fine: Trace, every: float) -> float:

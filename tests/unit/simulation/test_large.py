@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import SolverError
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solver import large_steady, problem
 
@@ -191,7 +191,7 @@ def test_a_block_that_nothing_holds_has_no_steady_state() -> None:
 
 def test_a_node_far_faster_than_the_step_is_right_between_steps() -> None:
     """It follows a room whose temperature has kinks; what it did before a kink must not be drawn into the step after it."""
-    room = Table(np.array([0.0, 500.0, 1000.0, 3600.0]), np.array([290.0, 310.0, 300.0, 290.0]))
+    room = TableSignal(np.array([0.0, 500.0, 1000.0, 3600.0]), np.array([290.0, 310.0, 300.0, 290.0]))
     deck = {
         "title": "lid",
         "needs": ["room"],

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError, SolverError
-from thermid.model.laws.signal import Table
+from thermid.model.laws.signal import TableSignal
 
 
 def _model(**law: Any) -> td.Model:
@@ -73,8 +73,8 @@ def test_irregular_samples_are_left_to_the_integrator() -> None:
     """Every stretch of another length needs exponentials of its own."""
     rng = np.random.default_rng(5)
     times = np.sort(rng.uniform(0.0, 1000.0, 20000))
-    jitter = Table(times, 290 + rng.standard_normal(times.size))
-    regular = Table(np.linspace(0.0, 1000.0, 1001), 290 + rng.standard_normal(1001))
+    jitter = TableSignal(times, 290 + rng.standard_normal(times.size))
+    regular = TableSignal(np.linspace(0.0, 1000.0, 1001), 290 + rng.standard_normal(1001))
     found = [td.simulate(_model(), _scenario(boundaries={"air": table})) for table in (jitter, regular)]
     assert "by modes" in found[0].statistics["reason"]
     assert found[1].statistics["method"] == "modal"
@@ -84,7 +84,7 @@ def test_irregular_samples_are_left_to_the_integrator() -> None:
 def test_the_steps_that_noise_asks_for_are_foreseen(noise: float) -> None:
     """By counts, not by time: what the choice of method reckons with against what the integrator does."""
     times = np.linspace(0.0, 5000.0, 5001)
-    room = Table(times, 290 + noise * np.random.default_rng(3).standard_normal(times.size))
+    room = TableSignal(times, 290 + noise * np.random.default_rng(3).standard_normal(times.size))
     scenario = _scenario(boundaries={"air": room}, duration=5000.0)
     simulator = td.prepare(_model(conductance="10 [W/K]"), scenario, every=60.0, options=td.Options(method="integrator"))
     work, steps = simulator.engine.modal.work(times[::60], 5000.0), simulator.run().statistics["steps"]
@@ -99,7 +99,7 @@ def test_a_noisy_log_goes_by_modes(size: int) -> None:
     pairs = [(f"n{k}", f"n{k + 1}") for k in range(size - 1)] + [(f"n{k}", "air") for k in range(size)]
     links = {f"c{k}": {"kind": "conduction", "between": list(pair), "conductance": "0.5 [W/K]"} for k, pair in enumerate(pairs)}
     model = td.model_from_dict({"title": "Chain", "needs": ["air"], "nodes": nodes, "conductors": links})
-    room = Table(np.linspace(0.0, 3600.0, 3601), 290 + 0.05 * np.random.default_rng(3).standard_normal(3601))
+    room = TableSignal(np.linspace(0.0, 3600.0, 3601), 290 + 0.05 * np.random.default_rng(3).standard_normal(3601))
     for times in (np.arange(0.0, 3600.0, 60.0), np.sort(np.random.default_rng(4).uniform(0.0, 3600.0, 200))):
         found = td.simulate(model, _scenario(boundaries={"air": room}, duration=3600.0), times=times)
         assert found.statistics["method"] == "modal", found.statistics["reason"]

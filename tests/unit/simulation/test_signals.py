@@ -12,7 +12,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError, ScenarioError
-from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Sine, Table, added, common_cycle, joined, multiplied, signal
+from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, added, common_cycle, joined, multiplied, signal
 from thermid.monte_carlo.uncertain import begun_at
 from thermid.site.ascent import Trajectory
 
@@ -26,11 +26,11 @@ CYCLE = np.array([0.0, 700.0, 1100.0, 2000.0])
 BEAT = np.array([0.3, 1.0, 0.1, 0.3])
 
 
-def _out(shape: Callable[[np.ndarray], np.ndarray], rows: np.ndarray, dt: float, hold: bool) -> Table:
+def _out(shape: Callable[[np.ndarray], np.ndarray], rows: np.ndarray, dt: float, hold: bool) -> TableSignal:
     """What a table says from a time on, row by row: the value then, and every row after it."""
     later = rows[rows > dt] - dt
     times = np.concatenate(([0.0], later))
-    return Table(times, shape(times + dt), hold)
+    return TableSignal(times, shape(times + dt), hold)
 
 
 def _beats(t: np.ndarray, hold: bool) -> np.ndarray:
@@ -49,17 +49,20 @@ def _steps(t: np.ndarray) -> np.ndarray:
 BEATS = np.unique((CYCLE[None, :] + CYCLE[-1] * np.arange(12)[:, None]).ravel())
 KINDS: dict[str, tuple[Signal, Callable[[float], Signal]]] = {
     "constant": (Constant(0.4), lambda dt: Constant(0.4)),
-    "lines": (Table(ROWS, SHAPE), lambda dt: _out(_lines, ROWS, dt, False)),
-    "steps": (Table(ROWS, SHAPE, hold=True), lambda dt: _out(_steps, ROWS, dt, True)),
-    "log": (Table(ROWS, SHAPE, log=("hash", 5.0)), lambda dt: _out(_lines, ROWS, dt, False)),
+    "lines": (TableSignal(ROWS, SHAPE), lambda dt: _out(_lines, ROWS, dt, False)),
+    "steps": (TableSignal(ROWS, SHAPE, hold=True), lambda dt: _out(_steps, ROWS, dt, True)),
+    "log": (TableSignal(ROWS, SHAPE, log=("hash", 5.0)), lambda dt: _out(_lines, ROWS, dt, False)),
     "averages": (
         signal({"times": [f"{t} [s]" for t in ROWS[1:]], "values": SHAPE[:-1].tolist(), "samples": "average", "after": "hold"}, "1"),
         lambda dt: _out(_steps, ROWS[:-1], dt, True),
     ),
     "sine": (Sine(0.5, 0.4, 5000.0, 0.3), lambda dt: Sine(0.5, 0.4, 5000.0, 0.3 + 2.0 * np.pi * dt / 5000.0)),
-    "repeated lines": (Table(CYCLE, BEAT, after="repeat"), lambda dt: _out(lambda t: _beats(t, False), BEATS, dt, False)),
-    "repeated steps": (Table(CYCLE, BEAT, True, after="repeat"), lambda dt: _out(lambda t: _beats(t, True), BEATS, dt, True)),
-    "held on": (Table(ROWS[:3], SHAPE[:3], after="hold"), lambda dt: _out(lambda t: np.interp(t, ROWS[:3], SHAPE[:3]), ROWS[:3], dt, True)),
+    "repeated lines": (TableSignal(CYCLE, BEAT, after="repeat"), lambda dt: _out(lambda t: _beats(t, False), BEATS, dt, False)),
+    "repeated steps": (TableSignal(CYCLE, BEAT, True, after="repeat"), lambda dt: _out(lambda t: _beats(t, True), BEATS, dt, True)),
+    "held on": (
+        TableSignal(ROWS[:3], SHAPE[:3], after="hold"),
+        lambda dt: _out(lambda t: np.interp(t, ROWS[:3], SHAPE[:3]), ROWS[:3], dt, True),
+    ),
 }
 """Kind -> a shape between 0 and 1, and the same written out for a run that begins later."""
 
@@ -124,7 +127,10 @@ PLACES: dict[str, Callable[[Signal], td.Scenario]] = {
         sky=False,
     ),
     "ascent, air": lambda s: td.ascent_scenario(
-        pressure=Table(np.array([0.0, 4.0 * HOUR]), np.array([1e5, 1e3])), air="air", air_temperature=laid(s, 280.0, 310.0), duration=LASTS
+        pressure=TableSignal(np.array([0.0, 4.0 * HOUR]), np.array([1e5, 1e3])),
+        air="air",
+        air_temperature=laid(s, 280.0, 310.0),
+        duration=LASTS,
     ),
     "ascent, pressure": lambda s: td.ascent_scenario(pressure=laid(s, 1e3, 1e5), air="air", air_temperature="20 [degC]", duration=LASTS),
 }
@@ -140,7 +146,7 @@ def test_a_start_later_is_the_scenario_written_out_at_that_hour(kind: str, place
             other, irradiation={"face": replace(other.irradiation["face"], infrared=Sine(20.0, 10.0, 4000.0, np.pi * LATER / 2000.0))}
         )
     if place == "ascent, air":
-        falls = Table(np.array([0.0, 2.0 * HOUR]), np.array([50500.0, 1e3]))
+        falls = TableSignal(np.array([0.0, 2.0 * HOUR]), np.array([50500.0, 1e3]))
         other = replace(other, environment={"air": td.Environment(falls)})
     model = box(facing={"tilt": 0.0}) if place == "sky" else box()
     if place == "sky":
@@ -188,7 +194,7 @@ def test_a_scale_of_a_load_is_the_scenario_written_out() -> None:
 
 def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
     """Before, `start_time` moved boundaries, loads and prescribed nodes alone: a plate whose sun rises later stayed in the dark."""
-    day = Table(np.array([0.0, 6.0, 12.0, 18.0, 24.0]) * HOUR, np.array([0.0, 0.0, 900.0, 0.0, 0.0]))
+    day = TableSignal(np.array([0.0, 6.0, 12.0, 18.0, 24.0]) * HOUR, np.array([0.0, 0.0, 900.0, 0.0, 0.0]))
     scenario = plain(irradiation={"face": td.Irradiation(direct=day)}, duration=HOUR)
     noon = td.simulate(box(), begun_at(scenario, 11.5 * HOUR), times=[HOUR])["skin"].final
     assert noon > td.simulate(box(), scenario, times=[HOUR])["skin"].final + 10.0
@@ -199,7 +205,7 @@ def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
 
 
 def test_what_stays_at_a_later_start_is_said() -> None:
-    scenario = plain(commands={"heater": Table(np.array([0.0, 600.0]), np.array([1.0, 0.0]), hold=True)})
+    scenario = plain(commands={"heater": TableSignal(np.array([0.0, 600.0]), np.array([1.0, 0.0]), hold=True)})
     runs = td.uncertain_runs(box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=2)
     assert runs.warnings == ("the start moves all that changes in time but heater, which counts from it",)
 
@@ -256,8 +262,8 @@ def test_an_ascent_begun_later_is_the_rest_of_it() -> None:
 
 def test_a_wall_that_is_held_stays_held_until_the_fairing_goes() -> None:
     """Before, `separation` made straight lines of a held wall, and took two samples of a sine."""
-    rows = Table(np.array([0.0, 50.0, 100.0]), np.array([300.0, 350.0, 320.0]), hold=True)
-    falls = Table(np.array([0.0, 200.0]), np.array([1e5, 1.0]))
+    rows = TableSignal(np.array([0.0, 50.0, 100.0]), np.array([300.0, 350.0, 320.0]), hold=True)
+    falls = TableSignal(np.array([0.0, 200.0]), np.array([1e5, 1.0]))
     for wall in (rows, Sine(300.0, 20.0, 40.0)):
         made = td.ascent_scenario(
             pressure=falls, air="air", air_temperature="20 [degC]", walls={"w": wall}, separation="150 [s]", duration="200 [s]"
@@ -291,7 +297,10 @@ def test_a_sine_of_pressure_swings_to_the_end_of_the_run() -> None:
 
 def test_a_step_beside_a_line_stays_a_step() -> None:
     """Before, a command that jumps times a power that runs straight became a ramp from row to row."""
-    on, ramp = Table(np.array([0.0, 3000.0]), np.array([0.0, 1.0]), hold=True), Table(np.array([0.0, LASTS]), np.array([0.0, 10.0]))
+    on, ramp = (
+        TableSignal(np.array([0.0, 3000.0]), np.array([0.0, 1.0]), hold=True),
+        TableSignal(np.array([0.0, LASTS]), np.array([0.0, 10.0])),
+    )
     drawn = multiplied(on, ramp).drawn(LASTS)
     assert drawn.at(np.array([1500.0, 2999.9, 3000.1])) == pytest.approx([0.0, 0.0, 10.0 * 3000.1 / LASTS], abs=1e-6)
     both = multiplied(ramp, ramp).drawn(LASTS)  # two lines make a parabola
@@ -436,13 +445,13 @@ def test_a_steady_start_names_its_instant_and_others_can_be_asked_for() -> None:
     with pytest.raises(ScenarioError, match="no input changes in time"):
         begun("periodic", loads={"h": "5 [W]"})
     with pytest.raises(ScenarioError, match="nothing comes back periodically: air, h do not repeat"):
-        begun("periodic", boundaries={"air": Table(np.array([0.0, 600.0]), np.array([290.0, 300.0]))})
+        begun("periodic", boundaries={"air": TableSignal(np.array([0.0, 600.0]), np.array([290.0, 300.0]))})
 
 
 def test_cycles_and_means() -> None:
     assert common_cycle([600.0, 0.0, 900.0]) == pytest.approx(1800.0)
     assert common_cycle([600.0, None]) is None
     assert common_cycle([1.0, float(np.pi)]) is None
-    assert MeanOf(Table(np.array([0.0, 10.0]), np.array([0.0, 1.0])), 10.0).shifted(5.0).value == pytest.approx(0.875)
+    assert MeanOf(TableSignal(np.array([0.0, 10.0]), np.array([0.0, 1.0])), 10.0).shifted(5.0).value == pytest.approx(0.875)
     assert isinstance(joined(Constant(1.0), 5.0, Constant(2.0)), Mixed)
     assert joined(Constant(1.0), 5.0, Constant(2.0)).drawn(9.0).at(np.array([4.999, 5.0])).tolist() == [1.0, 2.0]

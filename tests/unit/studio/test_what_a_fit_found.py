@@ -13,8 +13,8 @@ import pytest
 
 from planted import campaign
 from thermid.model.tree.tree import parameter_table
+from thermid.reporting.pages.views import fit_object
 from thermid.simulation.simulator import prepare
-from thermid.studio.answers import fit_object
 from thermid.studio.desk import Desk
 from thermid.studio.project import Project
 

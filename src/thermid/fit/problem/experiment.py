@@ -18,7 +18,7 @@ from thermid.measure.record.channel import SecondClock
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.laws.signal import Constant, Signal, Table, conducted
+from thermid.model.laws.signal import Constant, Signal, TableSignal, conducted
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names, Submodel
 from thermid.network.network import Network, compile_network
@@ -63,7 +63,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     """
 
     def moved(given: Any) -> Any:
-        if not isinstance(given, Table) or given.log is None or given.log[0] != record.origin.sha256:
+        if not isinstance(given, TableSignal) or given.log is None or given.log[0] != record.origin.sha256:
             return given
         again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
         if again:
@@ -108,7 +108,7 @@ def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
     times = np.asarray(table.times) - zero
     if times.size == 1:
         return Constant(float(table.values[0]))
-    return conducted(Table(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
+    return conducted(TableSignal(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
 
 
 @dataclass(frozen=True)
@@ -472,7 +472,7 @@ class Ticks:
     Parameters
     ----------
     clock : SecondClock             Where its offset and rate are looked for.
-    driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
+    driven : tuple of (str, str)    TableSignal of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
     at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
     """
@@ -490,7 +490,7 @@ class Ticks:
         return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
 
     def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
-        if not isinstance(signal, Table):
+        if not isinstance(signal, TableSignal):
             return signal
 
         def law(times: Array) -> Array:

@@ -13,7 +13,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import read_spread
 from thermid.measure.record.sensor import SensorPart
-from thermid.model.laws.signal import Constant, Table
+from thermid.model.laws.signal import Constant, TableSignal
 from thermid.physics.finishes import finish
 from thermid.units import TEMPERATURE, require
 
@@ -130,7 +130,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
         named = set()
         for raw, spec in request.locals_of(experiment.record).items():
             name = _wired(experiment, raw)
-            if isinstance(experiment.scenario.boundaries.get(name), Table):
+            if isinstance(experiment.scenario.boundaries.get(name), TableSignal):
                 raise IdentificationError(
                     f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
                     "Ignore the channel, or give it an accuracy.",

@@ -22,7 +22,7 @@ from thermid.knowledge.store import State, Store
 from thermid.linear_algebra import RANK_TOLERANCE, inverse_square_root
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, literal
-from thermid.model.tree.identity import definition_of, local_identities
+from thermid.model.tree.identity import definition_of, identity_of, local_identities
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
@@ -356,7 +356,7 @@ def key_of(request: Request, below: list[str]) -> str:
 def key_for(request: Request) -> str:
     """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
     below = sorted({s.origin.key for s in request.store.states.values()})
-    return request.key or digest([key_of(request, below), request.model.identity()])
+    return request.key or digest([key_of(request, below), identity_of(request.model)])
 
 
 def _by_hand(request: Request) -> list[str]:

@@ -16,8 +16,7 @@ from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.memo import Memo
 from thermid.simulation.solver.engine import Engine, Squares, Weighing
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.traces import Traces, kept_for
+from thermid.simulation.solver.problem import Options, Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Bench, Problem, loss_of
 from thermid.linear_algebra import finite, square_root
-from thermid.model.laws.signal import Constant, Signal, Table
+from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.tree.flat import FlatLoad
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str,
     size = len(problem.unknowns)
     out = np.zeros((size, size))
     for i, experiment in enumerate(problem.experiments):
-        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), Table)}
+        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
         if not noisy or not size:
             continue
         seen = [pieces[experiment.record.name, o.sensor] for o in experiment.observations]
@@ -101,7 +101,7 @@ def _answers(
     late = since > 0.0
     for path, name in zip(paths, named, strict=True):
         signal = _signal(given.experiment, path)
-        assert isinstance(signal, Table)
+        assert isinstance(signal, TableSignal)
         place = bench.free.index(name)
         yield path, signal.instants, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,9 @@ from typing import Any
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.expression import NAME
-from thermid.model.laws.curves import Curve
-from thermid.model.parts.build import elements_from, made_from
-from thermid.model.parts.parameter import parameter
 from thermid.model.tree.identity import definition_of
 from thermid.model.tree.model import Model
-from thermid.model.tree.tree import Submodel
+from thermid.model.tree.tree import TABLES, Submodel
 from thermid.toml_files import Places, read_toml, resolve_inside
 
 DEEPEST = 20
@@ -85,60 +82,45 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
     ------
     DeckError       When it does not follow the grammar; every fault is listed.
     """
-    places = lines or {}
-    inner = {name: table["use"] for name, table in _tables(data.get("submodels")) if isinstance(table.get("use"), Model)}
-    plain = dict(data)
-    if inner:
-        plain["submodels"] = {n: {**t, "use": n} if n in inner else t for n, t in data["submodels"].items()}
-    curves = _curves(plain)
-    for group, name in curves:
-        plain[group] = plain[group] | {name: plain[group][name] | {"table": {"points": []}}}
     from thermid.model.deck.schema import Deck
 
-    where = Places(file or str(data.get("title", "deck")), places)
-    deck = Deck.from_file(plain, where).model_dump(exclude_none=True)
-    for (group, name), shape in curves.items():
-        deck[group][name]["table"] = shape
+    where = Places(file or str(data.get("title", "deck")), lines or {})
+    deck = Deck.from_file(data, where)
+
+    def below(key: str) -> Callable[[str], str]:
+        return lambda inner: where(f"{key}.{inner}" if inner else key)
 
     submodels = {}
-    for name, table in deck["submodels"].items():
-        if name in inner:
-            part, definition = inner[name], definition_of(inner[name])
+    for name, table in deck.submodels.items():
+        if isinstance(table.use, Model):
+            part, definition = table.use, definition_of(table.use)
         elif use is None:
             raise DeckError("a file can be used from a deck only; give a Model here.", where(f"submodels.{name}.use"))
         else:
-            part, definition = use(table["use"], where(f"submodels.{name}.use"))
-        bind = {need: given if isinstance(given, str) else given["to"] for need, given in table["bind"].items()}
-        apart = {need: given["sees"] for need, given in table["bind"].items() if not isinstance(given, str)}
-        submodels[name] = Submodel(part, bind, definition, apart)
-    elements: dict[str, Any] = elements_from(deck, where)
+            part, definition = use(table.use, where(f"submodels.{name}.use"))
+        bind = {need: node if isinstance(node, str) else node.to for need, node in table.bind.items()}
+        sees = {need: node.sees for need, node in table.bind.items() if not isinstance(node, str)}
+        submodels[name] = Submodel(part, bind, definition, sees)
+    elements: dict[str, Any] = {
+        group: {name: table.element(below(f"{group}.{name}")) for name, table in getattr(deck, group).items()} for group in TABLES
+    }
     model = Model(
-        title=deck["title"],
-        box=deck["box"],
-        use=deck["use"],
-        needs=tuple(deck["needs"]),
-        offers=tuple(deck["offers"]),
-        parameters={n: parameter(v, where(f"parameters.{n}")) for n, v in deck["parameters"].items()},
+        title=deck.title,
+        box=deck.box,
+        use=deck.use,
+        needs=tuple(deck.needs),
+        offers=tuple(deck.offers),
+        parameters=deck.parameters,
         submodels=submodels,
-        settings={n: parameter(v, where(f"set.{n}")) for n, v in deck["set"].items()},
-        aliases=deck["aliases"],
-        made_in={gas: made_from(t, where(f"made_in.{gas}")) for gas, t in deck["made_in"].items()},
+        settings=deck.set,
+        aliases=deck.aliases,
+        made_in={gas: table.element(below(f"made_in.{gas}")) for gas, table in deck.made_in.items()},
         file=file,
-        lines=dict(places),
+        lines=dict(lines or {}),
         **elements,
     )
     _check_names(model)
-    return model.cut(*deck["cuts"])
-
-
-def _tables(value: Any) -> list[tuple[str, Mapping[str, Any]]]:
-    return [(n, t) for n, t in value.items() if isinstance(t, Mapping)] if isinstance(value, Mapping) else []
-
-
-def _curves(data: Mapping[str, Any]) -> dict[tuple[str, str], Curve]:
-    """Return (table, element) -> curve of the elements that have one where a deck has points."""
-    found = {(group, name): t.get("table") for group in ("conductors", "loads") for name, t in _tables(data.get(group))}
-    return {key: shape for key, shape in found.items() if isinstance(shape, Curve)}
+    return model.cut(*deck.cuts)
 
 
 def _check_names(model: Model) -> None:

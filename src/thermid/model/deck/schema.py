@@ -1,19 +1,50 @@
-"""The grammar of a deck as pydantic models: what an editor checks (JSON Schema) and what a file is checked against.
+"""The grammar of a deck as pydantic models, which read the elements: what an editor checks (JSON Schema) and what a file becomes.
 
+A field that is a value holds its `Parameter` once it is checked; a table gives its element, or says what is wrong with the whole of it.
 Loaded only when a file is read: pydantic takes a tenth of a second.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 from pydantic import BaseModel, Field, create_model
 
-from thermid.grammar import StrictTable
+from thermid.errors import DeckError, nearest
+from thermid.grammar import StrictTable, or_instance, reads
+from thermid.model.laws.curves import Curve, curve, limited
 from thermid.model.laws.options import Box, Source, StandsFor
-from thermid.model.parts.elements import LOAD_SLOTS
+from thermid.model.laws.signal import literal
+from thermid.model.laws.stores import SLOPES, TABULATED, melting, tabulated
+from thermid.model.parts.elements import (
+    CONTROLS,
+    LOAD_SLOTS,
+    NODE_SLOTS,
+    Conductor,
+    Enclosure,
+    HeatLoad,
+    Joint,
+    MadeIn,
+    Node,
+    Surface,
+    finish_emissivity,
+)
+from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
+from thermid.model.parts.parameter import Parameter, parameter
+from thermid.model.tree.model import Model
+from thermid.physics.gas import GASES, gas_named
 from thermid.physics.view_factors import SHAPES
+
+Where = Callable[[str], str]
+"""Key below an element, or none for the element itself -> its place in the deck."""
+LIQUID = "liquid"
+"""What a stream names that no pressure touches."""
+NO_CONVECTION = "0 [W/(m^2 K)]"
+MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
+"""Fields of a node that melts, beside its mass and specific heat, with their units."""
 
 Real: TypeAlias = Annotated[float, Field(strict=True)]
 """A number; true and false are none."""
@@ -29,11 +60,29 @@ class ValueTable(StrictTable):
     note: str = ""
     basis: str = ""
 
+    def table(self) -> dict[str, Any]:
+        """Return what of it was written."""
+        return {key: value for key, value in self if value not in (None, "")}
 
-Value: TypeAlias = str | Real | ValueTable
+
+def _quantity(written: Any) -> Any:
+    """Return the parameter that a text, a number or a table is; a law or a table of points as it is."""
+    if isinstance(written, PowerLawTable | Correlated | Property):
+        return written
+    return parameter(written.table() if isinstance(written, ValueTable) else written)
 
 
-class PowerLaw(StrictTable):
+def _coefficient(written: Any) -> Any:
+    """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
+    if isinstance(written, ValueTable) and written.value in (0, "0"):
+        return parameter(written.table() | {"value": NO_CONVECTION})
+    return _quantity(NO_CONVECTION if written in (0, "0") else written)
+
+
+Value: TypeAlias = Annotated[Parameter, reads(str | Real | ValueTable, _quantity)]
+
+
+class PowerLawTable(StrictTable):
     """h = coefficient |dT / 1 K|^exponent."""
 
     coefficient: Value
@@ -48,17 +97,6 @@ class Correlated(StrictTable):
     orientation: Literal["vertical", "up", "down"] = "vertical"
 
 
-class Points(StrictTable):
-    """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
-
-    over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
-    points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
-    interpolation: Literal["linear", "smooth"] = "linear"
-    outside: Literal["hold", "linear", "refuse"] = "hold"
-    source: Source | None = None
-    basis: str = ""
-
-
 class Property(StrictTable):
     """A property over temperature: straight lines; a third text of a point is its slope and makes it smooth."""
 
@@ -68,12 +106,66 @@ class Property(StrictTable):
     source: Source | None = None
     basis: str = ""
 
+    def curve(self, slot: str, where: str, over: str = "temperature", steps: bool = False) -> Curve:
+        """Return the curve through the points, each a text for every slot or for the first two."""
+        slots = ("temperature" if over == "temperature" else "K", slot, SLOPES[slot])
+        points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in self.points]
+        return curve(over, points, where, self.source or "", self.basis, self.interpolation, self.outside, steps)
 
-class NodeTable(StrictTable):
+    def of(self, name: str, where: str) -> Curve:
+        """Return the curve of one property: conductivity, specific_heat or enthalpy."""
+        return tabulated(name, self.curve(TABULATED[name], where, steps=name == "enthalpy"), where)
+
+
+class Points(Property):
+    """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
+
+    over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
+
+
+Table: TypeAlias = Annotated[Points, or_instance(Curve)]
+Coefficient: TypeAlias = Annotated[
+    Parameter | PowerLawTable | Correlated, reads(str | Real | ValueTable | PowerLawTable | Correlated, _coefficient)
+]
+Tabulated: TypeAlias = Annotated[Parameter | Property, reads(str | Real | ValueTable | Property, _quantity)]
+
+
+def _curve(table: Points | Curve | None, slot: str, where: str) -> Curve | None:
+    return table.curve(slot, where, table.over) if isinstance(table, Points) else table
+
+
+class ElementTable(StrictTable):
+    """Base of the tables of elements."""
+
+    test_only: bool = False
+
+    def parameters(self, names: Iterable[str]) -> dict[str, Parameter]:
+        """Return field -> parameter of the fields among `names`; those of a group as ``group.field``."""
+        out: dict[str, Parameter] = {}
+        for name in names:
+            value = getattr(self, name, None)
+            if isinstance(value, Parameter):
+                out[name] = value
+            elif isinstance(value, BaseModel):
+                out |= {f"{name}.{inner}": each for inner, each in value if isinstance(each, Parameter)}
+        return out
+
+    def words(self, names: Iterable[str]) -> dict[str, str]:
+        """Return the fields among `names` that are words; those of a group as ``group.field``."""
+        out: dict[str, str] = {}
+        for name in sorted(names):
+            group, _, inner = name.partition(".")
+            value = getattr(self, group, None)
+            word = getattr(value, inner, "") if inner else value
+            out |= {name: word} if word and isinstance(word, str) else {}
+        return out
+
+
+class NodeTable(ElementTable):
     """A node: mass and specific_heat or enthalpy, or capacitance, or nothing."""
 
     mass: Value | None = None
-    specific_heat: Value | Property | None = None
+    specific_heat: Tabulated | None = None
     enthalpy: Property | None = None
     latent_heat: str | None = None
     melts_from: str | None = None
@@ -82,7 +174,45 @@ class NodeTable(StrictTable):
     capacitance: Value | None = None
     stands_for: StandsFor | None = None
     reference_point: bool = False
-    test_only: bool = False
+
+    def element(self, where: Where) -> Node:
+        """Return the node."""
+        melts = {key: literal(text, MELTING[key], where(key)) for key, text in self._plain_melting(where).items()}
+        fields = self.parameters(NODE_SLOTS)
+        tables: dict[str, Curve] = {}
+        if melts:
+            tables["enthalpy"] = self._melting(melts, where)
+            del fields["specific_heat"]
+        if isinstance(self.specific_heat, Property):
+            tables["specific_heat"] = self.specific_heat.of("specific_heat", where("specific_heat"))
+        if self.enthalpy is not None:
+            tables["enthalpy"] = self.enthalpy.of("enthalpy", where("enthalpy"))
+        if tables and (set(fields) != {"mass"} or len(tables) > 1):
+            raise DeckError("a table of specific heat or of enthalpy stands beside a mass, and beside nothing else.", where(""))
+        if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
+            raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(""))
+        return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "")
+
+    def _plain_melting(self, where: Where) -> dict[str, str]:
+        """Return the texts by which a node melts; nothing where it does not."""
+        texts = {key: text for key in MELTING if (text := getattr(self, key))}
+        heat = self.specific_heat
+        plain = isinstance(heat, Parameter) and bool(heat.unit) and heat == Parameter(heat.expression)
+        if texts and (self.enthalpy is not None or not {"latent_heat", "melts_from"} <= set(texts) or not plain):
+            raise DeckError(
+                "a node that melts has mass, specific_heat, latent_heat and melts_from as plain quantities, and may have melts_to and"
+                " liquid_specific_heat; or it has a table of enthalpy.",
+                where(""),
+            )
+        return texts
+
+    def _melting(self, melts: Mapping[str, float], where: Where) -> Curve:
+        """Return the enthalpy in place of a specific heat and a latent heat."""
+        assert isinstance(self.specific_heat, Parameter)
+        heat = literal(self.specific_heat.text, "J/(kg K)", where("specific_heat"))
+        begins, place = melts["melts_from"], where("")
+        shape = melting(heat, melts.get("liquid_specific_heat", heat), melts["latent_heat"], begins, melts.get("melts_to", begins), place)
+        return tabulated("enthalpy", shape, where("enthalpy"))
 
 
 class FacingTable(StrictTable):
@@ -92,21 +222,41 @@ class FacingTable(StrictTable):
     azimuth: str | Real | None = None
 
 
-class SurfaceTable(StrictTable):
+def _facing(table: FacingTable) -> Facing:
+    return Facing(degrees(table.tilt), None if table.azimuth is None else degrees(table.azimuth))
+
+
+class SurfaceTable(ElementTable):
     """The outer surface of a node."""
 
     of: str
     to: str
     area: Value
-    htc: Value | PowerLaw | Correlated | None = None
+    htc: Coefficient | None = None
     effective_htc: Value | None = None
     emissivity: Value | None = None
     finish: str = ""
     absorptance: Value | None = None
-    facing: FacingTable | None = None
+    facing: Annotated[Facing, reads(FacingTable, _facing)] | None = None
     sees: str = ""
     radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
-    test_only: bool = False
+
+    def element(self, where: Where) -> Surface:
+        """Return the surface."""
+        fields = self.parameters(("area", "htc", "effective_htc", "emissivity", "absorptance"))
+        if self.effective_htc is not None and self.htc is not None:
+            raise DeckError(
+                "a surface has htc (convection alone) or effective_htc (convection and radiation together, as fitted in air), not both.",
+                where(""),
+            )
+        if self.finish:
+            fields.setdefault("emissivity", finish_emissivity(self.finish, where("finish")))
+        if self.htc is None and not {"effective_htc", "emissivity"} & set(fields):
+            raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(""))
+        if self.sees and self.radiates_to:
+            raise DeckError("sees and radiates_to are one thing under two names. Give sees.", where(""))
+        words = self.words(KINDS["convection"].words)
+        return Surface(self.of, self.to, fields, self.sees or self.radiates_to, self.test_only, self.finish, words, self.facing)
 
 
 class Gap(StrictTable):
@@ -117,7 +267,7 @@ class Gap(StrictTable):
     to: str
 
 
-class JointTable(StrictTable):
+class JointTable(ElementTable):
     """Two surfaces pressed together."""
 
     between: tuple[str, str]
@@ -127,13 +277,21 @@ class JointTable(StrictTable):
     thickness: Value | None = None
     gap: Gap | None = None
     mid: str = ""
-    test_only: bool = False
+
+    def element(self, where: Where) -> Joint:
+        """Return the joint."""
+        fields = self.parameters(("area", "contact_conductance", "conductivity", "thickness", "gap"))
+        if {f for f in fields if not f.startswith("gap.")} not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
+            raise DeckError("a joint needs area and contact_conductance, or area, conductivity and thickness, of each half.", where(""))
+        if self.between[0] == self.between[1]:
+            raise DeckError("a joint needs two surfaces; both ends are the same one.", where(""))
+        return Joint(self.between, fields, self.mid, self.gap.to if self.gap is not None else "", self.test_only)
 
 
 Rows: TypeAlias = list[list[Real]]
 
 
-class EnclosureTable(StrictTable):
+class EnclosureTable(ElementTable):
     """Surfaces that radiate to one another: view factors of a shape, given ones, or exchange factors."""
 
     faces: Annotated[dict[str, str], Field(min_length=2)]
@@ -142,7 +300,47 @@ class EnclosureTable(StrictTable):
     view_factors: Rows | None = None
     exchange_factors: Rows | None = None
     rest: str = ""
-    test_only: bool = False
+
+    def element(self, where: Where) -> Enclosure:
+        """Return the enclosure."""
+        ways = [w for w in ("shape", "view_factors", "exchange_factors") if getattr(self, w)]
+        if len(ways) != 1:
+            raise DeckError(
+                f"an enclosure has shape, view_factors or exchange_factors, one of them; given: {' and '.join(ways) or 'none of them'}.",
+                where(""),
+            )
+        size = len(self.faces)
+        views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
+        for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
+            if matrix and {len(matrix), *map(len, matrix)} != {size}:
+                raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
+        if self.rest and self.exchange_factors:
+            raise DeckError("exchange factors hold all that a face sees; give the rest a face of its own, or leave it out.", where(""))
+        dimensions = {n: literal(v, "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
+        if self.shape:
+            _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where(""))
+        elif dimensions:
+            raise DeckError("dimensions belong to a shape.", where(""))
+        return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
+
+
+def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
+    shape = SHAPES[name]
+    for what, given, known in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
+        strange = [g for g in given if g not in known]
+        if strange:
+            raise DeckError(f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}", where)
+    missing = [d for d in shape.dimensions if d not in dimensions]
+    if missing:
+        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
+    if not all(0.0 < d < float("inf") for d in dimensions.values()):
+        raise DeckError("every dimension of a shape is above zero and finite.", where)
+    if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
+        raise DeckError("the inner radius must be smaller than the outer one.", where)
+    missing = [f for f in shape.faces if f not in faces]
+    if (missing or len(shape.faces) == 2) and not rest:
+        also = f" ({', '.join(missing)} left out)" if missing else ""
+        raise DeckError(f"the faces of '{name}'{also} do not close it. Name what the rest sees: rest = a node.", where)
 
 
 class Periodic(StrictTable):
@@ -179,12 +377,12 @@ class Proportional(StrictTable):
     setpoint: Value
 
 
-class LoadTable(StrictTable):
+class LoadTable(ElementTable):
     """Heat put into a node."""
 
     into: str
     power: Value | None = None
-    table: Points | None = None
+    table: Table | None = None
     scale: Value | None = None
     command_curve: Value | None = None
     temperature_coefficient: Value | None = None
@@ -195,7 +393,31 @@ class LoadTable(StrictTable):
     sine: SinePower | None = None
     thermostat: Thermostat | None = None
     proportional: Proportional | None = None
-    test_only: bool = False
+
+    def element(self, where: Where) -> HeatLoad:
+        """Return the heat load."""
+        fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
+        shape = _curve(self.table, "W", where(""))
+        controls = [c for c in CONTROLS if getattr(self, c) is not None]
+        curved = [f for f in fields if f.endswith("_coefficient")]
+        if (self.power is None) == (shape is None):
+            raise DeckError("a load has power, or a table of power over temperature; one of them.", where(""))
+        if len(controls) > 1:
+            raise DeckError(f"{' and '.join(controls)} cannot both control one load. Split it into two loads.", where(""))
+        if curved and shape is not None:
+            raise DeckError(f"{curved[0]} and a table are two laws of one temperature; put both into the table.", where(""))
+        if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
+            raise DeckError("proportional needs gain [W/K] or band [K]; one of them.", where("proportional"))
+        if "proportional.gain" in fields and shape is not None:
+            raise DeckError("a gain in W/K refers to a power, which a table has not. Give band in K.", where("proportional"))
+        if curved and self.reference_temperature is None:
+            raise DeckError(f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(""))
+        if self.exponential_coefficient is not None and len(curved) > 1:
+            raise DeckError("exponential_coefficient and the polynomial coefficients exclude one another.", where(""))
+        if self.scale is not None and shape is None:
+            raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(""))
+        sensor = getattr(self, controls[0]).sensor if controls else ""
+        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only)
 
 
 class AirAndSees(StrictTable):
@@ -213,35 +435,108 @@ class MadeInTable(StrictTable):
     gas: str = "air"
     wind: str = "0 [m/s]"
 
+    def element(self, where: Where) -> MadeIn:
+        """Return the state."""
+        slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
+        numbers = {name: literal(getattr(self, name), slot, where(name)) for name, slot in slots.items()}
+        return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
+
 
 class SubmodelTable(StrictTable):
     """A deck used inside this one."""
 
-    use: str
+    use: Annotated[str, or_instance(Model)]
     bind: dict[str, str | AirAndSees] = {}
 
 
-def _conductor_table() -> type[BaseModel]:
+def _check_stream(given: set[str], fluid: str, where: str) -> None:
+    """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
+    if fluid in GASES:
+        if "density" in given:
+            raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
+        return
+    if fluid not in ("", LIQUID):
+        raise DeckError(
+            f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+        )
+    whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
+    if not whole:
+        what = f"of {fluid}" if fluid else "that names no fluid"
+        cure = "" if fluid else '. A gas brings both with it: fluid = "air"'
+        raise DeckError(
+            f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
+            f"Given: {', '.join(sorted(given))}.",
+            where,
+        )
+
+
+class _ConductorTable(ElementTable):
+    """A path of heat between two nodes."""
+
+    kind: Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
+    between: tuple[str, str]
+    table: Table | None = None
+    takes: list[str] = []
+    gas: str = ""
+    fluid: str = ""
+    to: str = ""
+
+    def element(self, where: Where) -> Conductor:
+        """Return the conductor."""
+        kind = KINDS[self.kind]
+        name = kind.tabulated or "conductivity"
+        written = getattr(self, name, None)
+        shape = written.of(name, where(name)) if isinstance(written, Property) else None
+        if shape is not None and not kind.tabulated:
+            raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
+        fields, words = self._of_kind({name} if shape is not None else set(), where(""))
+        if self.kind == "flow":
+            _check_stream(set(fields), words.get("fluid", ""), where(""))
+        points = _curve(self.table, "W/K", where(""))
+        if (points is not None) != kind.needs_curve:
+            raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
+        if points is not None and (points.y < 0).any():
+            k = int(np.argmax(points.y < 0))
+            raise DeckError(
+                f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K; with a negative conductance heat would flow uphill.",
+                where(""),
+            )
+        if self.between[0] == self.between[1]:
+            raise DeckError("both ends are the same node.", where(""))
+        if self.takes and "area" not in fields:
+            raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
+        law = shape if points is None else limited(points)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words)
+
+    def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
+        """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
+        kind = KINDS[self.kind]
+        fields = self.parameters(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots))
+        words = self.words(frozenset().union(*(k.words for k in KINDS.values())))
+        odd = sorted(set(words) - kind.words)
+        if odd:
+            raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where)
+        if {*fields, *tables} - kind.optional not in [set(a) for a in kind.alternatives]:
+            wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
+            strange = sorted(set(fields) - set(kind.slots))
+            also = (
+                f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}"
+                if strange
+                else f" Given: {', '.join(fields) or 'nothing'}."
+            )
+            raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where)
+        return fields, words
+
+
+def _with_fields_of_kinds() -> type[_ConductorTable]:
     """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
-    names = {slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots}
-    fields: dict[str, Any] = {"kind": (Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")], ...), "between": (tuple[str, str], ...)}
-    shaped: dict[str, Any] = {"htc": Value | PowerLaw | Correlated | None, "conductivity": Value | Property | None}
-    fields |= {name: (shaped.get(name, Value | None), None) for name in sorted(names)}
-    return create_model(
-        "ConductorTable",
-        __base__=StrictTable,
-        __doc__="A path of heat between two nodes.",
-        table=(Points | None, None),
-        takes=(list[str], []),
-        gas=(str, ""),
-        fluid=(str, ""),
-        to=(str, ""),
-        test_only=(bool, False),
-        **fields,
-    )
+    shaped: dict[str, Any] = {"htc": Coefficient | None, "conductivity": Tabulated | None}
+    names = sorted({slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots})
+    fields: dict[str, Any] = {name: (shaped.get(name, Value | None), None) for name in names}
+    return create_model("ConductorTable", __base__=_ConductorTable, __doc__=_ConductorTable.__doc__, **fields)
 
 
-ConductorTable = _conductor_table()
+ConductorTable = _with_fields_of_kinds()
 
 
 class Deck(StrictTable):

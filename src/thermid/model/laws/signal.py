@@ -136,7 +136,7 @@ class Constant(_Still):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class TableSignal:
     """Samples, joined by straight lines or held until the next one.
 
     Parameters
@@ -242,7 +242,7 @@ class Table:
             return self.values[index]
         return np.interp(times, self.times, self.values)
 
-    def shifted(self, seconds: float) -> Table:
+    def shifted(self, seconds: float) -> TableSignal:
         """Return the signal as it is from a time on: zero is where that time was."""
         log = None if self.log is None else (self.log[0], self.log[1] + seconds)
         return replace(self, times=self.times - seconds, log=log)
@@ -252,7 +252,7 @@ class Table:
         """Times of its samples. [s]"""
         return self.times
 
-    def held_on(self) -> Table:
+    def held_on(self) -> TableSignal:
         """Return the signal with its last value held where nothing else is said of the time beyond."""
         return self if self.after else replace(self, after="hold")
 
@@ -269,15 +269,15 @@ class Table:
             raise ScenarioError(f"it is known from {first:g} to {last:g} s, and asked for at {beyond[0]:g} s.", where)
         return self.at(times)
 
-    def retimed(self, law: Callable[[Array], Array]) -> Table:
+    def retimed(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return the signal with other times for its samples, those of another clock; its ends hold for what that leaves open. [s]"""
         return replace(self, times=law(self.times), before="hold", after=self.after or "hold")
 
-    def mapped(self, law: Callable[[Array], Array]) -> Table:
+    def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return what follows from each value by itself; between samples it is as straight, or held, as before."""
         return replace(self, values=law(self.values), unit="")
 
-    def cut(self, begin: float, end: float) -> Table:
+    def cut(self, begin: float, end: float) -> TableSignal:
         """Return the signal without what lies outside a stretch of time; one that repeats is kept whole. [s]"""
         if self.after == "repeat" or self.times.size == 1:
             return self
@@ -286,15 +286,15 @@ class Table:
         times = np.union1d(inside, ends) if inside.size or ends else np.array([begin])
         return replace(self, times=times, values=self.at(times))
 
-    def scaled(self, factor: float) -> Table:
+    def scaled(self, factor: float) -> TableSignal:
         """Return the signal times a number."""
         return replace(self, values=factor * self.values)
 
-    def raised(self, shift: float) -> Table:
+    def raised(self, shift: float) -> TableSignal:
         """Return the signal with a number added."""
         return replace(self, values=self.values + shift)
 
-    def drawn(self, end: float) -> Table:
+    def drawn(self, end: float) -> TableSignal:
         """Return the signal as a run from zero to `end` [s] sees it: its rows of that time, and periods laid one after the other."""
         if self.after != "repeat":
             if end <= 0.0:
@@ -520,7 +520,7 @@ class Mixed:
         """Return the signal with a number added."""
         return Mixed(np.add, (Constant(shift), self))
 
-    def drawn(self, end: float) -> Constant | Table:
+    def drawn(self, end: float) -> Constant | TableSignal:
         """Return the signal as a run from zero to `end` [s] sees it, halving stretches until straight lines do."""
         parts = [p.drawn(end) for p in self.parts]
         if all(isinstance(p, Constant) for p in parts):
@@ -528,9 +528,9 @@ class Mixed:
         drawn = replace(self, parts=tuple(parts))
         times, held = together(parts, end)
         if held:
-            return Table(times, drawn.at(times), hold=True, after="hold")
+            return TableSignal(times, drawn.at(times), hold=True, after="hold")
         times = np.append(times[times < end], end) if times[0] < end < times[-1] else times
-        return Table(*_straightened(drawn.at, times, self.bend), after="hold")
+        return TableSignal(*_straightened(drawn.at, times, self.bend), after="hold")
 
     def knots(self, begin: float, end: float) -> Array:
         """Return the times between which it is straight, over a stretch at least. [s]"""
@@ -581,8 +581,8 @@ class MeanOf(_Still):
         return replace(self, of=self.of.raised(shift))
 
 
-Signal = Constant | Table | Sine | Mixed | MeanOf
-Drawn = Constant | Table | Sine
+Signal = Constant | TableSignal | Sine | Mixed | MeanOf
+Drawn = Constant | TableSignal | Sine
 """What a run sees, and what is written for other programs."""
 
 
@@ -619,7 +619,7 @@ def _hours(seconds: float) -> str:
 def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:
     """Return the times at which several signals are to be sampled as one table up to `end` [s], and whether all of them are held."""
     held = all(s.held for s in signals)
-    return np.unique(np.concatenate([s.times if held and isinstance(s, Table) else s.knots(0.0, end) for s in signals])), held
+    return np.unique(np.concatenate([s.times if held and isinstance(s, TableSignal) else s.knots(0.0, end) for s in signals])), held
 
 
 def multiplied(*factors: Signal) -> Signal:
@@ -655,7 +655,7 @@ def joined(before: Signal, instant: float, then: Signal) -> Signal:
     if instant <= 0.0:
         return then
     whole = before.held_on() if before.span[1] >= instant * (1.0 - 1e-9) else before
-    return Mixed(Until(), (whole, then, Table(np.array([0.0, instant]), np.array([0.0, 1.0]), hold=True)))
+    return Mixed(Until(), (whole, then, TableSignal(np.array([0.0, instant]), np.array([0.0, 1.0]), hold=True)))
 
 
 @dataclass(frozen=True)
@@ -719,19 +719,19 @@ def pulses(period: float, duty: float) -> Signal:
     """Return what is 1 for a share of every period, first, and 0 for the rest; a period above zero, a duty from 0 to 1. [s, -]"""
     if duty in (0.0, 1.0):
         return Constant(duty)
-    return Table(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")
+    return TableSignal(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")
 
 
-def averages(times: Array, values: Array, **more: Any) -> Table:
+def averages(times: Array, values: Array, **more: Any) -> TableSignal:
     """Return samples that are means over the intervals that end at their times, as steps; the first interval is as long as the second.
 
     Steps keep the integral of every interval, which straight lines between means would not.
     """
     if times.size < 2:
-        return Table(times, values, **more)
+        return TableSignal(times, values, **more)
     edges = np.concatenate(([2.0 * times[0] - times[1]], times))
     # a row at the last stamp says how far the last mean reaches
-    return Table(edges, np.append(values, values[-1]), **{**more, "hold": True, "samples": "average"})
+    return TableSignal(edges, np.append(values, values[-1]), **{**more, "hold": True, "samples": "average"})
 
 
 def literal(text: str | float, slot: str, where: str = "") -> float:
@@ -767,7 +767,7 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     ------
     ThermidError    When it is none of these.
     """
-    if isinstance(value, Table | Sine) and value.unit:
+    if isinstance(value, TableSignal | Sine) and value.unit:
         of = read_unit(value.unit)
         try:
             require(of.dimension, slot, value.unit, of.absolute)
@@ -778,7 +778,7 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     if isinstance(value, Mapping):
         return _from_table(value, slot, where)
     if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
-        return Table(np.asarray(value[0], dtype=float), np.asarray(value[1], dtype=float))
+        return TableSignal(np.asarray(value[0], dtype=float), np.asarray(value[1], dtype=float))
     if isinstance(value, str | int | float):
         return Constant(literal(value, slot, where))
     raise ScenarioError("a signal is a value with a unit, a table of times and values, or a sine.", where)
@@ -803,7 +803,7 @@ def own_signal(value: Any, where: str = "") -> Any:
     if given is None:
         return signal(value, "1", where)
     made = signal(value, "temperature" if given.unit.absolute else given.unit.text, where)
-    return replace(made, unit=given.unit.text) if isinstance(made, Table | Sine) else made
+    return replace(made, unit=given.unit.text) if isinstance(made, TableSignal | Sine) else made
 
 
 def _column(values: Sequence[str | float], slot: str, where: str) -> Array:
@@ -815,7 +815,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     keys = set(value)
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         try:
-            rows = Table(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
+            rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
             return conducted(rows, value, where)
         except ThermidError as error:
             raise error.located(where) from None
@@ -833,7 +833,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     )
 
 
-def conducted(rows: Table, said: Mapping[str, Any], where: str) -> Table:
+def conducted(rows: TableSignal, said: Mapping[str, Any], where: str) -> TableSignal:
     """Return samples with what is said of them: ``samples``, ``before``, ``after`` and the ``period`` of what repeats.
 
     Raises

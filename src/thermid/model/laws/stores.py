@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}
 """Fields that may be a table over temperature, with the unit of their values."""
+SLOPES: Final = {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}
+"""Unit of the values of a table -> unit of its slopes over temperature."""
 COLDEST, HOTTEST = 1.0, 6000.0
 """Temperatures to which a property is held constant beyond its table. [K]"""
 CLOSE: Final = 1e-12
@@ -35,7 +37,7 @@ ROOM: Final = 293.15
 
 
 @dataclass(frozen=True, eq=False)
-class Store:
+class HeatStore:
     """How a node stores heat: H = capacitance * level(T), with the capacitance at a reference.
 
     Parameters
@@ -170,13 +172,13 @@ def potential(given: Curve) -> Curve:
 
 
 @lru_cache(maxsize=64)
-def store(name: str, given: Curve) -> Store:
+def store(name: str, given: Curve) -> HeatStore:
     """Return how a node with a table of specific heat or of enthalpy stores heat."""
     if name == "enthalpy" and given.straight:
         reference = ends(given)[0]
         x, y, _ = _extended(given.x, given.y, np.array(ends(given)), replace(given, outside="hold"))
         y = COLDEST + (y - y[0]) / reference
-        return Store(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None))
+        return HeatStore(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None))
     if name == "enthalpy":
         x, y, d = _enthalpy(given)
         reference = float(d[0])
@@ -189,7 +191,7 @@ def store(name: str, given: Curve) -> Store:
     y, d = COLDEST + (y - y[0]) / reference, d / reference
     rise = Curve("temperature", x, y, d)
     x, y, d = _divided(x, y, d)
-    return Store(reference, given, rise, _inverse(given, x, y, 1.0 / d))
+    return HeatStore(reference, given, rise, _inverse(given, x, y, 1.0 / d))
 
 
 def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:

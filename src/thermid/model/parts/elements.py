@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.facing import Facing
-from thermid.model.parts.parameter import Parameter
+from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
+from thermid.physics.finishes import finish
 
 Fields = Mapping[str, Parameter]
 
@@ -45,7 +46,7 @@ class Node:
     reference_point : bool  Whether limits apply here.
     test_only : bool        Whether it exists on the bench only (a sensor, a lead).
     table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
-    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `surroundings.gas_nodes`.
+    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `flat.gas_nodes`.
     """
 
     fields: Fields = field(default_factory=dict)
@@ -107,6 +108,12 @@ class Surface:
     def is_effective(self) -> bool:
         """Whether its coefficient holds convection and radiation together."""
         return "effective_htc" in self.fields
+
+
+def finish_emissivity(name: str, where: str) -> Parameter:
+    """Return the emissivity of a finish."""
+    surface = finish(name, where)
+    return parameter({"value": surface.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": surface.basis}, where)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Number, gradient_of, value_of
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError
 from thermid.memo import Memo
-from thermid.model.laws.signal import literal
 from thermid.model.parts.elements import Enclosure, Surface
 from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import Take, exposed_area
@@ -45,53 +44,6 @@ class Pair:
     ends: tuple[str, str]
     fields: Mapping[str, str]
     recipe: Callable[[Mapping[str, Any]], Law]
-
-
-def enclosure_from(table: Mapping[str, Any], where: str) -> Enclosure:
-    """Return an enclosure from its table in a deck.
-
-    Raises
-    ------
-    DeckError   When it has no factors, or two sorts of them, or lengths and faces that its shape does not have.
-    """
-    ways = [w for w in ("shape", "view_factors", "exchange_factors") if table.get(w)]
-    if len(ways) != 1:
-        given = " and ".join(ways) or "none of them"
-        raise DeckError(f"an enclosure has shape, view_factors or exchange_factors, one of them; given: {given}.", where)
-    faces, rest = table["faces"], table["rest"]
-    rows = {w: tuple(tuple(map(float, r)) for r in table.get(w) or ()) for w in ("view_factors", "exchange_factors")}
-    for name, matrix in rows.items():
-        if matrix and {len(matrix), *map(len, matrix)} != {len(faces)}:
-            raise DeckError(f"{len(faces)} faces need {len(faces)} rows of {len(faces)} {name.replace('_', ' ')}.", where)
-    if rest and table.get("exchange_factors"):
-        raise DeckError("exchange factors hold all that a face sees; give the rest a face of its own, or leave it out.", where)
-    dimensions = {n: literal(v, "m", f"{where}.dimensions.{n}") for n, v in table["dimensions"].items()}
-    if table.get("shape"):
-        _check_shape(table["shape"], faces, dimensions, bool(rest), where)
-    elif dimensions:
-        raise DeckError("dimensions belong to a shape.", where)
-    return Enclosure(
-        dict(faces), table.get("shape") or "", dimensions, rows["view_factors"], rows["exchange_factors"], rest, table["test_only"]
-    )
-
-
-def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
-    shape = SHAPES[name]
-    for what, given, known in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
-        strange = [g for g in given if g not in known]
-        if strange:
-            raise DeckError(f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}", where)
-    missing = [d for d in shape.dimensions if d not in dimensions]
-    if missing:
-        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
-    if not all(0.0 < d < float("inf") for d in dimensions.values()):
-        raise DeckError("every dimension of a shape is above zero and finite.", where)
-    if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
-        raise DeckError("the inner radius must be smaller than the outer one.", where)
-    left = [f for f in shape.faces if f not in faces]
-    if (left or len(shape.faces) == 2) and not rest:
-        also = f" ({', '.join(left)} left out)" if left else ""
-        raise DeckError(f"the faces of '{name}'{also} do not close it. Name what the rest sees: rest = a node.", where)
 
 
 def enclosure_to(enclosure: Enclosure) -> dict[str, Any]:

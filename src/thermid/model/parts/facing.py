@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,15 +49,6 @@ def degrees(value: Any, where: str = "") -> float:
     if match is None:
         raise DeckError(f"'{value}' is no angle; write a number of degrees, such as 90 or '90 [deg]'.", where)
     return float(match[1])
-
-
-def facing_from(table: Mapping[str, Any], where: str = "") -> Facing:
-    """Return where a surface looks from the table of a deck."""
-    azimuth = table.get("azimuth")
-    try:
-        return Facing(degrees(table["tilt"]), None if azimuth is None else degrees(azimuth))
-    except DeckError as error:
-        raise error.located(where) from None
 
 
 def facing_to(facing: Facing) -> dict[str, float]:

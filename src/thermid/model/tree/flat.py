@@ -12,7 +12,7 @@ from thermid.dual import value_of
 from thermid.errors import DeckError, ThermidError, quoted
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
-from thermid.model.laws.stores import Store, potential, store
+from thermid.model.laws.stores import HeatStore, potential, store
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.parts.enclosures import Face, pairs
 from thermid.model.parts.facing import Facing
@@ -36,7 +36,7 @@ class FlatNode:
     fields: Mapping[str, str]
     reference_point: bool = False
     where: str = ""
-    store: Store | None = None
+    store: HeatStore | None = None
     stands_for: str = ""
 
     def capacitance(self, values: Mapping[str, Any]) -> Any:

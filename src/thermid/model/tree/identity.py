@@ -11,14 +11,12 @@ from typing import Any
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
-from thermid.model.laws.stores import TABULATED
-from thermid.model.parts.build import finish_emissivity, slope_unit
-from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node
+from thermid.model.laws.stores import SLOPES, TABULATED
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
-from thermid.model.parts.parameter import Parameter, parameter
-from thermid.model.parts.standing import UNJUDGED
+from thermid.model.parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model.tree.tree import Layer, M, Tree, parameter_table
 from thermid.units import unit
 
@@ -348,7 +346,7 @@ def _heat_to(node: Node) -> dict[str, Any]:
 
 def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
     """Return the points of a table as texts, with what is known of its source."""
-    columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, slope_unit(slot))] if shape.d is not None else [])
+    columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, SLOPES[slot])] if shape.d is not None else [])
     texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
     known = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
     if shape.interpolation != INTERPOLATIONS[0]:

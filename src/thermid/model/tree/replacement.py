@@ -37,7 +37,7 @@ class Dropped:
 
 
 @dataclass(frozen=True)
-class Start:
+class PlaceStart:
     """A value of the place: where it starts with the new part, and how far it may be from there.
 
     Parameters
@@ -83,7 +83,7 @@ class Replacement:
     new: str
     dropped: tuple[Dropped, ...] = ()
     kept: tuple[str, ...] = ()
-    starts: tuple[Start, ...] = ()
+    starts: tuple[PlaceStart, ...] = ()
     assumes: tuple[str, ...] = ()
     untied: tuple[str, ...] = ()
 
@@ -116,7 +116,7 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     dropped = tuple(
         Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
     )
-    of_surfaces = [Start(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
+    of_surfaces = [PlaceStart(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
     starts = (*of_surfaces, *_joints(model, after, path, values, stays))
     assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} stays as it was" for p in kept))
     after = _apart(after, path, [p for p in gone if p in now])
@@ -229,7 +229,7 @@ def _check_read(model: Tree, path: str, known: Mapping[str, Entry], full: str) -
                 )
 
 
-def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[Start]:
+def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[PlaceStart]:
     """Yield what the joints at the part start from: a number of their own, where other joints shared it."""
     beside = touching(model, path)
     known = ParameterSet(after)
@@ -251,7 +251,7 @@ def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: fro
             )
             literal = values.table[at].parameter.expression.literal
             text = values.table[at].parameter.text if literal is not None else f"{float(numbers[row]):.9g} [{INTERFACE[kind]}]"
-            yield Start(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
+            yield PlaceStart(at, text, SCATTER, "twin" if also else "place", tuple(sorted(also)))
 
 
 def _roots(values: ParameterSet, field: str) -> list[str]:

@@ -119,7 +119,9 @@ class Tree:
 
     def where(self, key: str) -> str:
         """Return file, line and key path, for messages."""
-        return Places(self.file or self.title, self.lines if self.file else {})(key)
+        if self.file and self.lines:
+            return Places(self.file, self.lines)(key)
+        return f"{self.file or self.title}, {key}" if key else self.file or self.title
 
     def elements(self) -> Iterator[tuple[str, str, Element]]:
         """Yield table, name and element of every own element."""

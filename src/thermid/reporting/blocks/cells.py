@@ -7,9 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from thermid.knowledge.values import FittedValue
 from thermid.sourced import MARKS
-from thermid.units import unit
 
 DASH = "\u2013"
 _POWER = re.compile(r"(?<![\w.])(-?)(\d+(?:\.\d+)?)e([+-]\d+)(?![\w])(?!\.\w)")
@@ -32,7 +30,7 @@ Line = list["Cell | str"]
 
 
 @dataclass(frozen=True)
-class Column:
+class Head:
     """One column: its heading, whether it holds numbers, what is shown on pointing at it, and whether its texts take several lines."""
 
     title: str
@@ -47,19 +45,19 @@ class Table:
 
     Parameters
     ----------
-    columns : tuple of Column
+    columns : tuple of Head
     rows : tuple of tuples of Cell  As many cells as columns each.
     caption : str                   What it shows, and how to read it.
     title : str                     Its name, for who hears the page; that of the heading above it by default.
     """
 
-    columns: tuple[Column, ...]
+    columns: tuple[Head, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
     title: str = ""
 
     @classmethod
-    def of(cls, columns: Sequence[Column], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
+    def of(cls, columns: Sequence[Head], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
         """Return a table; texts become cells."""
         made = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
         if any(len(row) != len(columns) for row in made):
@@ -150,12 +148,6 @@ def signed(value: float, decimals: int) -> str:
     """
     text = f"{value:+.{decimals}f}"
     return text if float(text) else text[1:]
-
-
-def absolute(fitted: FittedValue, value: float) -> float:
-    """Return an SI value (no difference) in the unit of a fitted one."""
-    of = unit(fitted.unit)
-    return (value - float(of.offset)) / float(of.factor)
 
 
 def duration(seconds: float) -> str:

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 from thermid.reporting.blocks.cells import Table
 
-__all__ = ["Block", "Code", "Drawn", "Entry", "Facts", "Figures", "Folded", "Formulas", "Heading", "Notes", "Picture", "Plot"]
-
 
 @dataclass(frozen=True)
 class Words:
@@ -44,7 +42,7 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Entry:
+class LegendEntry:
     """One line of a legend: what it is, the variable of its colour, its dash pattern ('band' for an area), or its mark; its width. [px]"""
 
     label: str
@@ -55,18 +53,18 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Graphic:
     """A figure as markup to stand in the page.
 
     Parameters
     ----------
     markup : str                    An inline SVG.
-    legend : tuple of Entry         What the colours mean.
+    legend : tuple of LegendEntry   What the colours mean.
     points : int                    How many points were drawn.
     """
 
     markup: str
-    legend: tuple[Entry, ...]
+    legend: tuple[LegendEntry, ...]
     points: int
 
 
@@ -74,7 +72,7 @@ class Drawn:
 class Plot:
     """A figure with its caption; `tag` marks what it rests on, such as synthetic data."""
 
-    drawn: Drawn
+    drawn: Graphic
     caption: str
     tag: str = ""
 
@@ -84,7 +82,7 @@ class Figures:
     """Figures side by side under one legend, or one wide figure."""
 
     plots: tuple[Plot, ...]
-    legend: tuple[Entry, ...] = ()
+    legend: tuple[LegendEntry, ...] = ()
     wide: bool = False
     kind: str = "figures"
 
@@ -117,7 +115,7 @@ class Code:
 
 
 @dataclass(frozen=True)
-class Folded:
+class FoldOut:
     """Blocks that open on demand."""
 
     title: str
@@ -134,7 +132,7 @@ class Tabled:
     kind: str = "table"
 
 
-Block = Words | Heading | Notes | Facts | Figures | Picture | Formulas | Code | Folded | Tabled
+Block = Words | Heading | Notes | Facts | Figures | Picture | Formulas | Code | FoldOut | Tabled
 """One thing on a page."""
 
 
@@ -166,9 +164,9 @@ def as_block(block: Block | Table) -> Block:
     return Tabled(block) if isinstance(block, Table) else block
 
 
-def folded(title: str, blocks: Sequence[Block | Table], note: str = "") -> Folded:
+def folded(title: str, blocks: Sequence[Block | Table], note: str = "") -> FoldOut:
     """Return blocks that open on demand; tables become blocks, and one without a title has that of what is folded."""
-    return Folded(title, _titled(title, blocks), note)
+    return FoldOut(title, _titled(title, blocks), note)
 
 
 def _titled(title: str, blocks: Sequence[Block | Table]) -> tuple[Block, ...]:

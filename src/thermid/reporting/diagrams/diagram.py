@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 
+import numpy as np
+
 from thermid.dual import value_of
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.model.tree.model import Model
-from thermid.network.network import Numbers, compile_network
-from thermid.reporting.diagrams.folding import Folded, fold
-from thermid.reporting.diagrams.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, Layout, Row, Wire, arrange, clipped, width_of
-from thermid.reporting.diagrams.values import conductances, notes, pooled, quantity, watts
+from thermid.network.network import Network, Numbers, compile_network
+from thermid.network.rows import conductance
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting.diagrams.folding import FoldedModel, fold
+from thermid.reporting.diagrams.layout import LOAD_PORT, LOAD_WIDTH, MARGIN, PORT, DiagramLayout, Row, Wire, arrange, clipped, width_of
 
 Point = tuple[float, float]
 
@@ -125,7 +128,7 @@ def _mark(key: str, path: str, marked: bool) -> str:
     return f' data-{key}="{escape(path)}"' if marked and path else ""
 
 
-def _boxes(plan: Layout, marked: bool) -> Iterable[str]:
+def _boxes(plan: DiagramLayout, marked: bool) -> Iterable[str]:
     for box in plan.root.boxes():
         left, right = plan.box_edges(box)
         bottom = plan.bottom if box.depth == 0 else box.bottom
@@ -158,7 +161,7 @@ def _head(tip: Point, from_: Point, kind: str, size: float = 8.0) -> str:
     return f'<path class="{kind}" d="M{tip[0]:.1f} {tip[1]:.1f}L{bx + nx:.1f} {by + ny:.1f}L{bx - nx:.1f} {by - ny:.1f}Z"/>'
 
 
-def _leaving(plan: Layout, row: Row, wire: int) -> list[Point]:
+def _leaving(plan: DiagramLayout, row: Row, wire: int) -> list[Point]:
     """Return the points from a node to its port at the right of the column."""
     y = row.port(wire)
     if not row.massless:
@@ -167,7 +170,7 @@ def _leaving(plan: Layout, row: Row, wire: int) -> list[Point]:
     return [(middle, row.middle), (middle + 14, y), (plan.right, y)] if abs(y - row.middle) > 0.5 else [(middle, y)]
 
 
-def _points(plan: Layout, k: int, wire: Wire) -> list[Point]:
+def _points(plan: DiagramLayout, k: int, wire: Wire) -> list[Point]:
     """Return the points of a conductor, from its first end to its second."""
     if wire.way == "straight":
         upper, lower = sorted(wire.rows, key=lambda r: r.y)
@@ -186,7 +189,7 @@ def _points(plan: Layout, k: int, wire: Wire) -> list[Point]:
     return points if wire.conductor.ends[1] == wire.rails[0] else points[::-1]
 
 
-def _rails_y(plan: Layout, wire: Wire) -> float:
+def _rails_y(plan: DiagramLayout, wire: Wire) -> float:
     among = [w for w in plan.wires if w.way == "rails"]
     return plan.bottom - PORT * (len(among) - among.index(wire) - 0.5)
 
@@ -196,7 +199,7 @@ def _style(c: FlatConductor) -> tuple[str, str]:
     return LEAD_LOSS if c.kind == "lead" and c.recipe is not None else STYLES[c.kind]
 
 
-def _wire(plan: Layout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:
+def _wire(plan: DiagramLayout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:
     c = wire.conductor
     style, _ = _style(c)
     points = _points(plan, k, wire)
@@ -215,7 +218,7 @@ def _wire(plan: Layout, k: int, wire: Wire, watts: Mapping[str, float], marked: 
         yield f'<circle class="rail" cx="{plan.rails[wire.rails[0]]:.1f}" cy="{wire.rows[0].port(k):.1f}" r="5.5"/>'
 
 
-def _label(plan: Layout, k: int, wire: Wire) -> Iterable[str]:
+def _label(plan: DiagramLayout, k: int, wire: Wire) -> Iterable[str]:
     """Yield name and conductance: beside lines that run down, above lines to a rail."""
     tip = f"{wire.conductor.path} ({wire.conductor.kind})"
     if wire.way in ("straight", "lane"):
@@ -230,7 +233,7 @@ def _label(plan: Layout, k: int, wire: Wire) -> Iterable[str]:
     yield _text(plan.labels + width_of(f"{name}  "), y - 4, wire.value, "halo")
 
 
-def _rails(plan: Layout, notes: Mapping[str, str]) -> Iterable[str]:
+def _rails(plan: DiagramLayout, notes: Mapping[str, str]) -> Iterable[str]:
     """Yield the boundaries: a bar each at the right edge, with its name at the top."""
     for name, x in plan.rails.items():
         top = plan.root.y
@@ -243,7 +246,7 @@ def _rails(plan: Layout, notes: Mapping[str, str]) -> Iterable[str]:
 
 
 def _node(
-    plan: Layout, row: Row, notes: Mapping[str, str], given: Mapping[str, float], marked: bool = False, folded: bool = False
+    plan: DiagramLayout, row: Row, notes: Mapping[str, str], given: Mapping[str, float], marked: bool = False, folded: bool = False
 ) -> Iterable[str]:
     name, under = row.path.rpartition(".")[2], notes.get(row.path, "")
     name = row.path.removeprefix(row.box) if row.massless else name
@@ -284,7 +287,9 @@ def _power(load: FlatLoad, numbers: Numbers, powers: Mapping[str, float] | None,
     return text, bool(set(load.fields) - {"power"} or (load.curve and "power" in load.fields))
 
 
-def _loads(plan: Layout, plain: Folded, numbers: Numbers, powers: Mapping[str, float] | None, logged: Collection[str]) -> Iterable[str]:
+def _loads(
+    plan: DiagramLayout, plain: FoldedModel, numbers: Numbers, powers: Mapping[str, float] | None, logged: Collection[str]
+) -> Iterable[str]:
     """Yield an arrow per load, with its power and name."""
     at: dict[str, int] = {}
     for load in plain.flat.loads:
@@ -304,7 +309,7 @@ def _loads(plan: Layout, plain: Folded, numbers: Numbers, powers: Mapping[str, f
         yield _text(start, y + 13, clipped(name, room), "halo soft", tip=load.path)
 
 
-def _legend(plan: Layout, loads: bool, signs: list[str]) -> tuple[list[str], float]:
+def _legend(plan: DiagramLayout, loads: bool, signs: list[str]) -> tuple[list[str], float]:
     """Return the legend of what occurs, and where the picture ends."""
     kinds = dict.fromkeys(_style(w.conductor) for w in plan.wires)
     entries = [(f'<path class="wire {style}" d="M{{x}} {{y}}h26"/>', text) for style, text in kinds]
@@ -325,3 +330,69 @@ def _legend(plan: Layout, loads: bool, signs: list[str]) -> tuple[list[str], flo
         out.append(_text(x + (34 if mark else 0), y + 4, text, "soft"))
         x += width if mark else width - 34
     return out, y + 16
+
+
+NOMINAL = (308.15, 298.15)
+"""End temperatures at which a conductance is shown that depends on them, where none are given. [K]"""
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """Return a number with its unit, without an exponent where a person would write none."""
+    if not np.isfinite(value):
+        return f"\u2013 {unit}"
+    size = abs(value)
+    text = f"{value:.{digits}g}" if size < 10**digits or size >= 1e6 else f"{value:.0f}"
+    return f"{text} {unit}"
+
+
+def conductances(plain: FoldedModel, network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
+    """Return conductor drawn -> its conductance as text, of a folded part the sum of its members."""
+    found = _single(network, numbers, given)
+    several = {drawn: [found[c] for c, _ in members if c in found] for drawn, members in plain.members.items()}
+    return {
+        drawn: ("" if all(sure for _, sure in own) else "≈") + quantity(sum(v for v, _ in own), "W/K") for drawn, own in several.items()
+    }
+
+
+def _single(network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
+    """Return conductor -> its conductance [W/K], and whether it is sure: not where it depends on temperatures that nobody gave."""
+    totals: dict[str, tuple[float, bool]] = {}
+    for row in numbers.conductors:
+        ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
+        fixed = row.law.linear or all(end in given for end in row.ends)
+        found = conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
+        total, sure = totals.get(row.name, (0.0, True))
+        totals[row.name] = (total + float(found[0]), sure and fixed)
+    return totals
+
+
+def watts(plain: FoldedModel, drawn: str, flows: Mapping[str, float]) -> str:
+    """Return the heat flow of a conductor drawn, as text; empty where none of its members has one."""
+    members = [(c, sign) for c, sign in plain.members[drawn] if c in flows]
+    return quantity(abs(sum(sign * flows[c] for c, sign in members)), "W") if members else ""
+
+
+def _capacities(plain: FoldedModel, numbers: Numbers) -> dict[str, float]:
+    """Return node drawn -> capacitance, massless ones left out. [J/K]"""
+    own = {n: value_of(c) for n, c in numbers.capacitances.items() if c is not None}
+    return {drawn: sum(own[n] for n in nodes if n in own) for drawn, nodes in plain.nodes.items() if any(n in own for n in nodes)}
+
+
+def pooled(plain: FoldedModel, numbers: Numbers, given: Mapping[str, float]) -> dict[str, float]:
+    """Return node or boundary drawn -> temperature, of a folded part the mean by capacitance. [K]"""
+    weight = {n: value_of(c) if c is not None else 0.0 for n, c in numbers.capacitances.items()}
+    out = {n: t for n, t in given.items() if all(n not in nodes for nodes in plain.nodes.values())}
+    for drawn, nodes in plain.nodes.items():
+        known = [n for n in nodes if n in given]
+        total = sum(weight[n] for n in known)
+        if known:
+            out[drawn] = sum(weight[n] * given[n] for n in known) / total if total > 0 else given[known[0]]
+    return out
+
+
+def notes(plain: FoldedModel, numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
+    """Return node or boundary -> what stands under its name."""
+    shown = {n: [quantity(c, "J/K")] for n, c in _capacities(plain, numbers).items()}
+    for node, kelvin in given.items():
+        shown.setdefault(node, []).append(f"{kelvin - ICE_POINT:.1f} °C")
+    return {n: " · ".join(parts) for n, parts in shown.items()}

@@ -11,7 +11,7 @@ from thermid.model.tree.tree import Tree
 
 
 @dataclass(frozen=True, eq=False)
-class Folded:
+class FoldedModel:
     """A flat model with some submodels drawn as one mass.
 
     Parameters
@@ -33,7 +33,7 @@ def parts_of(model: Tree) -> tuple[str, ...]:
     return tuple(prefix.removesuffix(".") for _, prefix in model.walk() if prefix)
 
 
-def fold(flat: Flat, paths: Sequence[str]) -> Folded:
+def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
     """Return a flat model with submodels folded; conductors inside them vanish, those that leave side by side become one.
 
     Parameters
@@ -79,4 +79,4 @@ def fold(flat: Flat, paths: Sequence[str]) -> Folded:
         members[name] = tuple(dict.fromkeys((c.path, sign) for c, sign in found))
     loads = tuple(replace(load, node=drawn(load.node)) for load in flat.loads)
     left = replace(flat, nodes=shown, conductors=tuple([*alone, *joined]), loads=loads)
-    return Folded(left, tuple(f"{p}." for p in outer), members, {p: tuple(n.path for n in found) for p, found in nodes.items()})
+    return FoldedModel(left, tuple(f"{p}." for p in outer), members, {p: tuple(n.path for n in found) for p, found in nodes.items()})

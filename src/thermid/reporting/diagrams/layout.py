@@ -96,7 +96,7 @@ class Wire:
 
 
 @dataclass
-class Layout:
+class DiagramLayout:
     """A diagram before it is drawn; all lengths in px."""
 
     root: Box
@@ -248,7 +248,7 @@ def _label_lanes(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:
         wire.label_y = min(gaps, key=lambda g: abs(g[0] - middle) - 2 * min(g[1], WIDE_GAP))[0]
 
 
-def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], folded: Sequence[str] = ()) -> Layout:
+def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], folded: Sequence[str] = ()) -> DiagramLayout:
     """Return the layout of a model.
 
     Parameters
@@ -294,4 +294,4 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
         rails[name] = at + half - 10
         at += 2 * half
     bottom += PORT * sum(w.way == "rails" for w in wires)
-    return Layout(root, rows, wires, left, right, lanes, x + 8, rails, frame, bottom, max(at + MARGIN, 430.0))
+    return DiagramLayout(root, rows, wires, left, right, lanes, x + 8, rails, frame, bottom, max(at + MARGIN, 430.0))

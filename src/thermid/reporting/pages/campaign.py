@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,42 +12,50 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.joint import Joint
 from thermid.campaign.stages import Campaign
+from thermid.errors import ThermidError
+from thermid.explain.balance import energy_balance
+from thermid.explain.criticism import criticise
 from thermid.fit.calibration import Calibration
-from thermid.reporting.blocks.cells import Cell, Column, Line, Table, duration, number
+from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
+from thermid.inference.identifiability import identifiability
+from thermid.model.tree.tree import Names
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Drawn
+from thermid.reporting.blocks.sections import Graphic
 from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.pages import levels, origins, tables
+from thermid.reporting.pages import origins, tables
 from thermid.reporting.pages.glance import glance, tightest
-from thermid.reporting.pages.trust import trust
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
+from thermid.units import unit
 
 if TYPE_CHECKING:
     from thermid.fit.problem.residuals import SensorTrace
     from thermid.model.tree.model import Model
     from thermid.simulation.solution import Solution
 
+
 FEW = 4
 """Up to so many traces stand open on the page; more are folded away."""
 
 
 @dataclass(frozen=True)
-class Trace:
+class TracePart:
     """One trace that is drawn, what marks it (best, median or worst), and the model where several stand together."""
 
     block: SensorTrace
     mark: str
     model: str
-    drawn: Drawn
+    drawn: Graphic
 
 
 @dataclass(frozen=True)
-class Traces:
+class TraceGroup:
     """The traces of a stage or of all verdicts that are drawn, and the text that says which."""
 
-    drawn: Sequence[Trace]
+    drawn: Sequence[TracePart]
     text: str
     opened: bool
 
@@ -61,19 +70,19 @@ class StagePart:
     facts: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...]
     diagram: str
-    traces: Traces
+    traces: TraceGroup
     tables: Mapping[str, Table]
     trust: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictionPart:
     """What the page says of one simulated scenario."""
 
     key: str
     title: str
     solution: Solution
-    drawn: Drawn
+    drawn: Graphic
     ends: Table
     diagram: str
     length: str
@@ -158,7 +167,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
         "instruments": tables.instruments(c),
         "records": tables.records(c),
         "local": tables.locals_(c),
-        "moved": levels.moved(c),
+        "moved": moved(c),
         "correlations": tables.correlations(c),
         "areas": tables.areas(c.fitted_model),
         "held": origins.held(c),
@@ -169,7 +178,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
     return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
 
 
-def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> Traces:
+def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> TraceGroup:
     """Return the traces to draw; `models` names the model of each block by its identity."""
     chosen = figures.choose(blocks)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
@@ -179,13 +188,15 @@ def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] |
             "and others evenly between them. All statistics count every trace."
         )
     drawn = [
-        Trace(b, mark, (models or {}).get(id(b), ""), figures.trace(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated"))
+        TracePart(
+            b, mark, (models or {}).get(id(b), ""), figures.trace(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated")
+        )
         for k, (b, mark) in enumerate(chosen)
     ]
-    return Traces(drawn, text, len(chosen) <= FEW)
+    return TraceGroup(drawn, text, len(chosen) <= FEW)
 
 
-def _held_out(campaign: Campaign) -> Traces | None:
+def _held_out(campaign: Campaign) -> TraceGroup | None:
     """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
     blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.blocks}
     models = {id(b): model for (model, _, _), b in blocks.items()}
@@ -211,8 +222,8 @@ def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
     return out
 
 
-def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> Prediction:
-    columns = [Column("node"), *(Column(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
+def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> PredictionPart:
+    columns = [Head("node"), *(Head(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
     rows: list[Line] = []
     for node in solution.nodes:
         trace = solution[node]
@@ -225,16 +236,128 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         for m in _models_of(solution, campaign)
     ]
     length = duration(float(solution.times[-1] - solution.times[0]))
-    return Prediction(key, title, solution, drawn, Table.of(columns, rows), next(iter(pictures), ""), length)
+    return PredictionPart(key, title, solution, drawn, Table.of(columns, rows), next(iter(pictures), ""), length)
 
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
     """Yield the campaign's model that a solution is of, if it is one of them."""
-    from thermid.model.tree.tree import Names
-
     for c in reversed(list(campaign.stages.values())):
         if c.model.title == solution.title:
             names = Names(c.model)
             if {*names.nodes, *names.boundaries} == set(solution.nodes):
                 yield c.fitted_model
                 return
+
+
+LOOKS = {MOVED: "bad", NOT_REJECTED: "good", UNDECIDED: "soft"}
+
+
+def moved(calibration: Calibration) -> Table:
+    """Return inherited values against what this stage's logs say of them alone: per parameter, per part, and all together."""
+    columns = [
+        Head("inherited"),
+        Head("from stage"),
+        Head("there", True),
+        Head("logs alone", True, "the value by this stage's logs alone, without what was known of it; of a joint fit its value there"),
+        Head("unit"),
+        Head("change, %", True),
+        Head("deviations", True, "the change over its standard error; for several values chi-square"),
+        Head("chance", True, "of so large a change when nothing moved, corrected for the number of values tested"),
+        Head("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
+        Head("result"),
+    ]
+    rows: list[Line] = [_line(m) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
+    how = (
+        "A value that moved: the part does not behave in the assembly as it did alone, or the stage below missed something. A value is "
+        "called not rejected only where a change of 10 % would be found."
+    )
+    return Table.of(columns, rows, how)
+
+
+def _result(verdict: str) -> Cell:
+    return Cell(verdict, "", LOOKS[verdict])
+
+
+def _line(m: Move) -> Line:
+    of = unit(m.unit)
+    below, alone = ((v - float(of.offset)) / float(of.factor) for v in (m.below, m.alone))
+    share = number(100 * (alone / below - 1), 2) if below and m.told else DASH
+    far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
+    error = m.below_error / float(of.factor)
+    there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
+    seen = number(100 * m.detectable_share, 2) if m.told else DASH
+    here = plain(alone, 4) if m.told else DASH
+    return [
+        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), seen, _result(m.verdict),
+    ]  # fmt: skip
+
+
+def _group(g: MovedGroup) -> Line:
+    what = Cell(g.name, ", ".join(g.paths), "main")
+    square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
+    return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]
+
+
+MOST = 12
+"""Records of a stage up to which the page says of each trace what is left in it."""
+
+
+def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
+    """Return titles with texts: what the logs told of the stage's values, what its residuals say, who looked, where measured heat goes."""
+    parts = []
+    if c.values.parameters and not isinstance(c, Joint):
+        parts.append(("What the logs told of its values", _said(lambda: str(identifiability(c)))))
+    known = {e.record.name for e in c.experiments}
+    if len(known) > MOST:
+        parts.append(
+            ("What its residuals say", f"{len(known)} records: td.criticise(campaign[{c.stage!r}], elements=False) says it of each.")
+        )
+    elif c.request is not None and not isinstance(c, Joint) and all(b.record in known for b in c.blocks):
+        parts.append(("What its residuals say", _said(lambda: str(criticise(c, elements=False)))))
+    looks = _looks(campaign, c)
+    if looks:
+        parts.append(("Who looked at its held-out records", looks))
+    balances = _balances(campaign, c)
+    if balances:
+        parts.append(("Where the heat of its steady points goes", balances))
+    return tuple(parts)
+
+
+def _said(make: object) -> str:
+    """Return a finding, or why there is none."""
+    assert callable(make)
+    try:
+        return str(make())
+    except ThermidError as error:
+        return f"not to be had: {error.message}"
+
+
+def _looks(campaign: Campaign, c: Calibration) -> str:
+    lines = []
+    for v in campaign.verdicts:
+        if v.model == c.stage:
+            if v.passed is None:
+                lines.append(f"{v.record}: not judged, not opened; {v.standing.reason(v.model)}")
+                continue
+            word = "passed" if v.passed else "failed"
+            before = (
+                f"{len(v.failed_before)} failed verdicts before, by other values: no longer unseen"
+                if v.failed_before
+                else "unseen till then"
+            )
+            lines.append(f"{v.record}: {word}, {before}{', conditional on values fitted to it' if v.conditional else ''}")
+    return "\n".join(lines)
+
+
+def _balances(campaign: Campaign, c: Calibration) -> str:
+    """Return the heat balance of every steady point that the stage fitted."""
+    source = campaign.source
+    stage = next((s for s in source.content.stages if s.name == c.stage), None) if source is not None else None
+    if source is None or stage is None:
+        return ""
+    out = []
+    for name, table in stage.steady.items():
+        (one,) = source.pick([table.record], name)[:1]
+        log = source.bound(one, stage)
+        out.append(f"{name}: " + _said(lambda: energy_balance(c, log, table.start, table.end, limit=table.limit)))  # noqa: B023
+    return "\n\n".join(out)

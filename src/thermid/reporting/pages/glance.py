@@ -14,7 +14,7 @@ from thermid.fit.uncertainty.moved import MOVED
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.tree import ParameterSet
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.cells import Cell, Column, Line, Table, absolute, number, pretty, significant
+from thermid.reporting.blocks.cells import Cell, Head, Line, Table, number, pretty, significant
 from thermid.reporting.pages.tables import STRONG, at_bound
 
 MOST, LINES = 8, 5
@@ -99,14 +99,20 @@ def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
 
 
 def _fitted(campaign: Campaign) -> Table:
-    columns = [Column("value"), Column("stage"), Column("found", True), Column("95 % interval", True), Column("unit")]
+    columns = [
+        Head("value"),
+        Head("stage"),
+        Head("found", True),
+        Head("95 % interval", True),
+        Head("unit"),
+    ]
     every = list(_values(campaign))
     rows: list[Line] = []
     for c, v in every[:MOST]:
         error = v.shown(v.error)
         ends = Cell("not determined", "", "bad")
         if math.isfinite(error):
-            ends = Cell(" .. ".join(significant(absolute(v, end), error) for end in interval(v)))
+            ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
     more = f"The {MOST} uppermost of {len(every)}; all of them stand at their stages. " if len(every) > MOST else ""
     return Table.of(columns, rows, f"{more}Intervals hold the constant errors of sensors and powers.", "What was fitted")

@@ -13,7 +13,7 @@ from thermid.fit.calibration import Calibration
 from thermid.measure import Record
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.tree import ParameterSet
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, duration, plain, pretty
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, duration, plain, pretty
 from thermid.units import NAMES, Dimension, unit
 
 
@@ -43,15 +43,15 @@ def data(campaign: Campaign) -> Table:
             uses.append(use)
         merged[name, sha] = (uses, synthetic, known or record)
     columns = [
-        Column("record"),
-        Column("used for", wrapped=True),
-        Column("kind"),
-        Column("file"),
-        Column("begins"),
-        Column("duration", True),
-        Column("samples", True),
-        Column("SHA-256 of the samples"),
-        Column("prepared by", wrapped=True),
+        Head("record"),
+        Head("used for", wrapped=True),
+        Head("kind"),
+        Head("file"),
+        Head("begins"),
+        Head("duration", True),
+        Head("samples", True),
+        Head("SHA-256 of the samples"),
+        Head("prepared by", wrapped=True),
     ]
     rows: list[Line] = []
     for (name, sha), (uses, synthetic, record) in merged.items():
@@ -68,15 +68,15 @@ def data(campaign: Campaign) -> Table:
 def models(campaign: Campaign) -> Table:
     """Return what each stage rests on: the model's identity and size, the effort, version and date, and the key of its result."""
     columns = [
-        Column("stage"),
-        Column("model"),
-        Column("identity", False, "hash of what the model means, not of how it is written"),
-        Column("nodes", True),
-        Column("conductors", True),
-        Column("evaluations", True),
-        Column("thermid"),
-        Column("date"),
-        Column("result key", False, "hash of everything that the result depends on"),
+        Head("stage"),
+        Head("model"),
+        Head("identity", False, "hash of what the model means, not of how it is written"),
+        Head("nodes", True),
+        Head("conductors", True),
+        Head("evaluations", True),
+        Head("thermid"),
+        Head("date"),
+        Head("result key", False, "hash of everything that the result depends on"),
     ]
     rows: list[Line] = []
     for stage, c in campaign.stages.items():
@@ -93,7 +93,7 @@ def versions() -> Table:
     """Return what this page was made with."""
     rows: list[Line] = [[package, _version(package)] for package in ("thermid", "numpy", "scipy")]
     rows += [["Python", platform.python_version()], ["page made", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")]]
-    return Table.of([Column("what"), Column("version")], rows)
+    return Table.of([Head("what"), Head("version")], rows)
 
 
 def _version(package: str) -> str:
@@ -107,8 +107,8 @@ def held(calibration: Calibration) -> Table:
     """Return every value of the fitted model: who set it, from what source, and which values it hides."""
     values = ParameterSet(calibration.fitted_model)
     numbers = values.evaluate({})
-    columns = [Column("parameter"), Column("value", True), Column("unit"), Column("written as", wrapped=True)]
-    columns += [Column("source"), Column("set by"), Column("basis", wrapped=True), Column("hides", wrapped=True)]
+    columns = [Head("parameter"), Head("value", True), Head("unit"), Head("written as", wrapped=True)]
+    columns += [Head("source"), Head("set by"), Head("basis", wrapped=True), Head("hides", wrapped=True)]
     rows: list[Line] = []
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
@@ -125,8 +125,15 @@ def held(calibration: Calibration) -> Table:
 
 def inputs(calibration: Calibration) -> Table:
     """Return every boundary, load and start of every record with its source, what is assumed first."""
-    columns = [Column("source"), Column("input"), Column("of"), Column("record"), Column("range", True), Column("mean", True)]
-    columns += [Column("unit"), Column("what", wrapped=True)]
+    columns = [
+        Head("source"),
+        Head("input"),
+        Head("of"),
+        Head("record"),
+        Head("range", True),
+        Head("mean", True),
+    ]
+    columns += [Head("unit"), Head("what", wrapped=True)]
     rows: list[Line] = []
     for r in calibration.inputs.rows:
         source = Cell(r.source, "nobody gave it", "warn") if r.source == "assumed" else Cell(r.source)

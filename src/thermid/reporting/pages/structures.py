@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from thermid.arguments import takes_objects
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, pretty, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, pretty, significant
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Block, Figures, Heading, Notes, Plot, Section, Words, folded
 from thermid.reporting.pages import origins
@@ -148,14 +148,14 @@ def _said(structures: Sequence[Structure], taken: Structure | None) -> list[str]
 
 def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table:
     sensors = list(dict.fromkeys(name for s in structures for name in s.unseen))
-    columns = [Column("structure"), Column("what it is", wrapped=True), Column("free", True)]
+    columns = [Head("structure"), Head("what it is", wrapped=True), Head("free", True)]
     columns += [
-        Column("dQAIC", True, "difference of AIC from the best, likelihood corrected for residuals that wander; above 10: no support")
+        Head("dQAIC", True, "difference of AIC from the best, likelihood corrected for residuals that wander; above 10: no support")
     ]
-    columns += [Column("dAIC", True, "as if every sample were independent, which none is")]
-    columns += [Column(f"{s} fitted, K", True, "median RMSE over the fitted runs") for s in sensors]
-    columns += [Column(f"{s} unseen, K", True, "median RMSE over runs that no fit has seen") for s in sensors]
-    columns += [Column("at bounds", True), Column("physical")]
+    columns += [Head("dAIC", True, "as if every sample were independent, which none is")]
+    columns += [Head(f"{s} fitted, K", True, "median RMSE over the fitted runs") for s in sensors]
+    columns += [Head(f"{s} unseen, K", True, "median RMSE over runs that no fit has seen") for s in sensors]
+    columns += [Head("at bounds", True), Head("physical")]
     lowest = {s: min((median(x.unseen[s].values()) for x in structures if s in x.unseen), default=0.0) for s in sensors}
     rows: list[Line] = []
     for x in structures:
@@ -205,6 +205,6 @@ def _values(structures: Sequence[Structure]) -> list[Block | Table]:
         rows: list[Line] = [
             [Cell(p, "", "main"), f"{significant(v, e)} ± {number(e, 2)}", pretty(unit)] for p, (v, e, unit) in s.values.items()
         ]
-        table = Table.of([Column("value"), Column("found ± total error", True), Column("unit")], rows)
+        table = Table.of([Head("value"), Head("found ± total error", True), Head("unit")], rows)
         out.append(folded("Its values", [table], f"{len(rows)} of them"))
     return out

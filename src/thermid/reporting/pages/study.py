@@ -15,7 +15,7 @@ from thermid.judge.metrics import metric
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number, plain, pretty, signed
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, plain, pretty, signed
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.blocks.sections import Block, Facts, Heading, Notes, Section, Words, as_block, folded
 from thermid.reporting.pages import origins, tables
@@ -92,7 +92,7 @@ def steps(study: Study) -> list[Block | Table]:
     rows: list[Line] = [
         [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH] for k, a in enumerate(study.actions, 1)
     ]
-    actions = Table.of([Column("no."), Column("action", wrapped=True), Column("state"), Column("stages", wrapped=True)], rows)
+    actions = Table.of([Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)], rows)
     return [
         Heading("1  Knowledge and intended use"),
         Facts((("physical items", str(len(study.components))), ("model of the whole", study.model.title))),
@@ -121,12 +121,12 @@ def _boxes(study: Study) -> Table:
         [Cell(path or study.model.title, "", "main"), study.model.submodel(path).title if path else "the whole", box]
         for path, box in study.part_boxes.items()
     ]
-    return Table.of([Column("part"), Column("deck"), Column("box colour, with those inside")], rows)
+    return Table.of([Head("part"), Head("deck"), Head("box colour, with those inside")], rows)
 
 
 def _instruments(study: Study) -> Table:
-    columns = [Column("sensor"), Column("accuracy, K", True), Column("resolution, K", True), Column("range, °C", True)]
-    columns += [Column("conversion, s", True), Column("certificate", wrapped=True), Column("basis", wrapped=True)]
+    columns = [Head("sensor"), Head("accuracy, K", True), Head("resolution, K", True), Head("range, °C", True)]
+    columns += [Head("conversion, s", True), Head("certificate", wrapped=True), Head("basis", wrapped=True)]
     rows: list[Line] = [
         [
             Cell(name, ", ".join(s.channels), "main"),
@@ -162,7 +162,13 @@ def parts(study: Study) -> Table:
         limits = [f"{sign} {plain(t - ICE_POINT, 4)} °C" for sign, t in (("≥", c.lowest), ("≤", c.highest)) if t is not None]
         box = colours.get(c.at) or boxes[c.at]
         rows.append([Cell(name, "", "main"), c.what or DASH, c.at, box, Cell(", ".join(limits) or DASH, c.basis)])
-    columns = [Column("physical item"), Column("what it is", wrapped=True), Column("in the model"), Column("box"), Column("limits")]
+    columns = [
+        Head("physical item"),
+        Head("what it is", wrapped=True),
+        Head("in the model"),
+        Head("box"),
+        Head("limits"),
+    ]
     return Table.of(columns, rows)
 
 
@@ -198,8 +204,15 @@ def provenance(study: Study) -> Table:
         line: Line = [Cell(title, "", "main"), name, Cell(shown, p.text), pretty(of.text) if of else DASH]
         line += [" .. ".join(ends) if any(ends) else DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]
         rows.append(line)
-    columns = [Column("deck"), Column("value"), Column("is", True), Column("unit"), Column("range"), Column("source")]
-    return Table.of([*columns, Column("formula, or why", wrapped=True)], rows)
+    columns = [
+        Head("deck"),
+        Head("value"),
+        Head("is", True),
+        Head("unit"),
+        Head("range"),
+        Head("source"),
+    ]
+    return Table.of([*columns, Head("formula, or why", wrapped=True)], rows)
 
 
 def step_log(study: Study, campaign: Campaign) -> Table:
@@ -210,8 +223,8 @@ def step_log(study: Study, campaign: Campaign) -> Table:
         kind = Cell("held out", "no stage has seen it", "good") if s.held_out else Cell("fit", s.action)
         sizes = [(signed if row.signed else number)(s[key], row.digits) for key, row in asked.items()]
         rows.append([Cell(s.stage, s.action, "main"), s.record, kind, s.sensor, *sizes])
-    headings = [Column(f"{row.short}, K", True) for row in asked.values()]
-    columns = [Column("stage"), Column("record"), Column("kind"), Column("sensor"), *headings]
+    headings = [Head(f"{row.short}, K", True) for row in asked.values()]
+    columns = [Head("stage"), Head("record"), Head("kind"), Head("sensor"), *headings]
     return Table.of(columns, rows, "Final: mean over the last twentieth of the record.")
 
 

@@ -17,10 +17,9 @@ from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, plain, pretty, signed, significant
+from thermid.reporting.pages.views import Quantity, view
 from thermid.units import unit
-
-__all__ = ["HTC_NAMES", "STRONG", "areas", "at_bound", "correlations", "instruments", "levels", "locals_", "parameters", "records"]
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
@@ -31,36 +30,36 @@ STRONG = 0.95
 def parameters(calibration: Calibration) -> Table:
     """Return what was fitted: before, after, random and total error, bounds, shift in standard errors, source and state."""
     columns = [
-        Column("parameter"),
-        Column("before", True),
-        Column("after", True),
-        Column("± random", True, "standard error from the noise of the samples alone"),
-        Column("± total", True, "standard error with the constant errors of sensors and powers"),
-        Column("total, %", True),
-        Column("unit"),
-        Column("bounds", True),
-        Column("shift / ±", True, "after less before, over the total standard error"),
-        Column("source before"),
-        Column("state"),
+        Head("parameter"),
+        Head("before", True),
+        Head("after", True),
+        Head("± random", True, "standard error from the noise of the samples alone"),
+        Head("± total", True, "standard error with the constant errors of sensors and powers"),
+        Head("total, %", True),
+        Head("unit"),
+        Head("bounds", True),
+        Head("shift / ±", True, "after less before, over the total standard error"),
+        Head("source before"),
+        Head("state"),
     ]
     table = parameter_table(calibration.model)
     rows: list[Line] = []
+    shown = view(calibration).values
     for path, v in calibration.values.parameters.items():
-        entry = table[path]
+        entry, q = table[path], shown[path]
         source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
-        after, error = v.in_unit, v.shown(v.error)
         share = 100 * v.error / abs(v.value) if v.value else math.inf
         shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
         rows.append(
             [
                 Cell(path, entry.parameter.note),
-                plain(absolute(v, v.start), 6),
-                Cell(significant(after, v.shown(v.error_random)), repr(after), "main"),
-                number(v.shown(v.error_random), 2),
-                number(error, 2),
+                plain(q.start, 6),
+                Cell(significant(q.value, q.random), repr(q.value), "main"),
+                number(q.random, 2),
+                number(q.error, 2),
                 number(share, 2),
-                pretty(v.unit),
-                _bounds(v),
+                pretty(q.unit),
+                _bounds(q),
                 f"{shift:+.1f}" if math.isfinite(shift) else DASH,
                 Cell(source, entry.parameter.basis),
                 _state(v),
@@ -69,8 +68,8 @@ def parameters(calibration: Calibration) -> Table:
     return Table.of(columns, rows)
 
 
-def _bounds(v: FittedValue) -> str:
-    low, high = (plain(absolute(v, b), 4) if math.isfinite(b) else "" for b in v.bounds)
+def _bounds(q: Quantity) -> str:
+    low, high = (plain(b, 4) if math.isfinite(b) else "" for b in q.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
 
@@ -113,15 +112,20 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
     told = [(_is_coefficient(names[0][1]), names, found) for names, found in lines]
     htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
     rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
-    columns = [Column("part"), Column("parameter"), Column("unit"), *(_stage_column(campaign[stage], stage) for stage in campaign)]
+    columns = [
+        Head("part"),
+        Head("parameter"),
+        Head("unit"),
+        *(_stage_column(campaign[stage], stage) for stage in campaign),
+    ]
     how = "Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model."
     return Table.of(columns, htc, how), Table.of(columns, rest, how)
 
 
-def _stage_column(fit: Calibration, stage: str) -> Column:
+def _stage_column(fit: Calibration, stage: str) -> Head:
     """Return the column of a stage, with its standing where a reader must know it."""
     told = fit.standing
-    return Column(stage, True) if told.fair else Column(f"{stage} ({told.state})", True, told.line(stage))
+    return Head(stage, True) if told.fair else Head(f"{stage} ({told.state})", True, told.line(stage))
 
 
 def _is_coefficient(path: str) -> bool:
@@ -155,25 +159,25 @@ def _level_row(names: Names, found: Mapping[str, tuple[float, FittedValue | None
 def sensors(calibration: Calibration) -> Table:
     """Return how the model meets each sensor, over all records of a stage."""
     columns = [
-        Column("sensor"),
-        Column("node", wrapped=True),
-        Column("records", True),
-        Column("samples", True),
-        Column("RMSE, K", True),
-        Column("median RMSE, K", True, "median over the records"),
-        Column("mean, K", True, "mean of measured less simulated"),
-        Column("largest, K", True, "the largest residual by size, with its sign"),
-        Column("bias, K", True, "constant error of the sensor: reading less truth, as found or held"),
-        Column("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
-        Column("noise, K", True, "standard deviation of a sample, the weight of the fit"),
-        Column("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
+        Head("sensor"),
+        Head("node", wrapped=True),
+        Head("records", True),
+        Head("samples", True),
+        Head("RMSE, K", True),
+        Head("median RMSE, K", True, "median over the records"),
+        Head("mean, K", True, "mean of measured less simulated"),
+        Head("largest, K", True, "the largest residual by size, with its sign"),
+        Head("bias, K", True, "constant error of the sensor: reading less truth, as found or held"),
+        Head("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
+        Head("noise, K", True, "standard deviation of a sample, the weight of the fit"),
+        Head("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
     ]
     accuracy = {o.sensor: o.accuracy for e in calibration.experiments for o in e.observations}
     rows: list[Line] = []
-    for name, s in calibration.sensors.items():
+    for name, s in view(calibration).sensors.items():
         blocks = [b for b in calibration.blocks if b.sensor == name]
-        bias = calibration.values.sensors.get(name)
-        found = f"{signed(bias.value, 2)} ± {number(bias.error, 2)}" if bias else f"{signed(s.bias, 2)} held" if s.bias else DASH
+        fixed = f"{signed(s.bias, 2)} held" if s.bias else DASH
+        bias = fixed if s.bias_error is None else f"{signed(s.bias, 2)} ± {number(s.bias_error, 2)}"
         rows.append(
             [
                 Cell(name, "", "main"),
@@ -181,10 +185,10 @@ def sensors(calibration: Calibration) -> Table:
                 str(len(blocks)),
                 str(s.samples),
                 number(s.rmse, 3),
-                number(calibration.median_rmse(name), 3),
+                number(s.median_rmse, 3),
                 signed(s.mean, 3),
                 signed(s.largest, 3),
-                found,
+                bias,
                 plain(accuracy.get(name) or math.nan, 3),
                 plain(blocks[0].noise, 3),
                 Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
@@ -206,14 +210,14 @@ def instruments(calibration: Calibration) -> Table:
         for name, v in calibration.values.items()
         if v.kind == "shared"
     ]
-    columns = [Column("logged channel"), Column("constant error", True), Column("± total", True), Column("unit")]
+    columns = [Head("logged channel"), Head("constant error", True), Head("± total", True), Head("unit")]
     return Table.of(columns, rows, "Added to a logged temperature; a factor on a logged power.")
 
 
 def records(calibration: Calibration) -> Table:
     """Return the statistics of every record and sensor."""
-    numeric = [Column(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")]
-    columns = [Column("record"), Column("sensor"), *numeric, Column("white")]
+    numeric = [Head(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")]
+    columns = [Head("record"), Head("sensor"), *numeric, Head("white")]
     rows: list[Line] = [
         [
             *(record, sensor, str(s.samples), number(s.rmse, 3)),
@@ -231,7 +235,7 @@ def locals_(calibration: Calibration) -> Table:
     for i in calibration.local:
         value = i.value - ICE_POINT if i.unit == "degC" else i.value
         rows.append([i.record, i.name, significant(value, i.error), number(i.error, 2), pretty(i.unit)])
-    return Table.of([Column("record"), Column("value"), Column("found", True), Column("± total", True), Column("unit")], rows)
+    return Table.of([Head("record"), Head("value"), Head("found", True), Head("± total", True), Head("unit")], rows)
 
 
 def correlations(calibration: Calibration, most: int = 30) -> Table:
@@ -241,13 +245,13 @@ def correlations(calibration: Calibration, most: int = 30) -> Table:
     rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
     more = f"; {len(ranked) - most} weaker ones are left out" if len(ranked) > most else ""
     caption = f"Those above 0.1{more}; marked above {STRONG}."
-    return Table.of([Column("first"), Column("second"), Column("correlation", True)], rows, caption)
+    return Table.of([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
 
 
 def areas(model: Model) -> Table:
     """Return the area ledger of a model: exposed + contact + gap = total for every surface."""
-    numeric = [Column(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")]
-    columns = [Column("surface"), *numeric, Column("taken by", wrapped=True)]
+    numeric = [Head(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")]
+    columns = [Head("surface"), *numeric, Head("taken by", wrapped=True)]
     rows: list[Line] = [
         [
             line.surface,
@@ -262,15 +266,15 @@ def areas(model: Model) -> Table:
 def verdicts(campaign: Campaign) -> Table:
     """Return every criterion of every verdict: found, limit, met or not, and what the verdict is conditional on."""
     columns = [
-        Column("model"),
-        Column("held-out record"),
-        Column("sensor"),
-        Column("criterion"),
-        Column("found, K", True),
-        Column("limit, K", True),
-        Column("outside", True, "samples beyond the limit, of all samples"),
-        Column("result"),
-        Column("conditional on", wrapped=True),
+        Head("model"),
+        Head("held-out record"),
+        Head("sensor"),
+        Head("criterion"),
+        Head("found, K", True),
+        Head("limit, K", True),
+        Head("outside", True, "samples beyond the limit, of all samples"),
+        Head("result"),
+        Head("conditional on", wrapped=True),
     ]
     rows: list[Line] = []
     for v in campaign.verdicts:

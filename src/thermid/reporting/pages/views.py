@@ -1,9 +1,14 @@
-"""What a command says: one JSON object, or text. SI units, temperatures also in Celsius, null where a thing does not exist."""
+"""Views of results: the numbers that text, JSON, page and studio print, worked out once.
+
+A view holds numbers in the unit in which a person reads them; JSON holds SI units beside them, temperatures also in Celsius, and null
+where a thing does not exist.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from thermid.physics.constants import ICE_POINT
@@ -15,6 +20,7 @@ if TYPE_CHECKING:
     from thermid.fit.problem.residuals import SensorStatistics
     from thermid.fit.uncertainty.moved import Moves
     from thermid.judge.verdict import Verdict
+    from thermid.knowledge.values import FittedValue
     from thermid.physics.htc import HtcComparison
     from thermid.simulation.solution import Solution
 
@@ -66,13 +72,96 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
     }
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """A fitted value in its unit: with its standard error by the noise alone, in all, its start and its bounds (infinite where open)."""
+
+    value: float
+    random: float
+    error: float
+    unit: str
+    start: float
+    bounds: tuple[float, float]
+
+    def answer(self) -> dict[str, Any]:
+        """Return value and errors as JSON and the studio say them."""
+        return {"value": self.value, "error": self.error, "random": self.random, "unit": self.unit}
+
+
+@dataclass(frozen=True)
+class SensorFigures:
+    """How a model meets a sensor over all records: residuals are measured less simulated, its constant error taken off. [K]"""
+
+    samples: int
+    rmse: float
+    median_rmse: float
+    mean: float
+    largest: float
+    bias: float
+    bias_error: float | None
+    lag_one: float
+    white: bool
+
+
+@dataclass(frozen=True)
+class CalibrationView:
+    """A stage as every answer prints it."""
+
+    values: Mapping[str, Quantity]
+    sensors: Mapping[str, SensorFigures]
+
+
+def quantity(v: FittedValue) -> Quantity:
+    """Return a fitted value in its unit."""
+    return Quantity(
+        v.in_unit,
+        v.shown(v.error_random),
+        v.shown(v.error),
+        v.unit,
+        v.converted(v.start),
+        (v.converted(v.bounds[0]), v.converted(v.bounds[1])),
+    )
+
+
+def view(fit: Calibration) -> CalibrationView:
+    """Return the figures of a stage: what was fitted, and how each sensor is met."""
+    sensors = {}
+    for name, s in fit.sensors.items():
+        fitted = fit.values.sensors.get(name)
+        value, error = (s.bias, None) if fitted is None else (fitted.value, fitted.error)
+        sensors[name] = SensorFigures(s.samples, s.rmse, fit.median_rmse(name), s.mean, s.largest, value, error, s.lag_one, s.white)
+    return CalibrationView({p: quantity(v) for p, v in fit.values.items() if v.kind in ("parameter", "level")}, sensors)
+
+
+def fit_object(fit: Calibration) -> dict[str, Any]:
+    """Return what a fit found for the studio: values in the units of the sliders, and all else that its curves need [SI]."""
+    shown = view(fit)
+    unknowns = fit.problem.unknowns if fit.problem is not None else ()
+    return {
+        "values": {p: shown.values[p].answer() for p in fit.values.parameters},
+        "others": {u.name: u.to_value(fit.fitted[u.name]) for u in unknowns if u.kind != "parameter"},
+        "sensors": {n: {"rmse": s.rmse, "bias": s.bias} for n, s in shown.sensors.items()},
+        "warnings": list(fit.warnings),
+        "evaluations": fit.evaluations,
+        "text": str(fit),
+        "standing": fit.standing.to_dict(fit.stage),
+    }
+
+
+def swap_object(plan: RetunePlan) -> dict[str, Any]:
+    """Return for the studio what a swap costs, with the predictions before and after it [degC]."""
+    sensors = {s: [plan.before[s] - ICE_POINT, plan.after[s] - ICE_POINT] for s in plan.before if s in plan.after}
+    return {**retune_object(plan), "standing": plan.standing.to_dict(), "sensors": sensors, "text": str(plan)}
+
+
 def _sensor(s: SensorStatistics) -> dict[str, Any]:
     return {"rmse_K": s.rmse, "bias_K": s.bias, "mean_K": s.mean, "max_K": abs(s.largest), "n": s.samples}
 
 
 def calibration_object(fit: Calibration) -> dict[str, Any]:
     """Return the object of one stage."""
-    fitted = {p: v for p, v in fit.values.items() if v.kind in ("parameter", "level")}
+    shown = view(fit)
+    fitted = {p: fit.values[p] for p in shown.values}
     return {
         "stage": fit.stage,
         "free": list(fitted),
@@ -80,9 +169,10 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "errors": {p: v.error_random for p, v in fitted.items()},
         "errors_total": {p: v.error for p, v in fitted.items()},
         "units": {p: v.unit for p, v in fitted.items()},
+        "shown": {p: v.answer() for p, v in shown.values.items()},
         "sensors": {n: _sensor(s) for n, s in fit.sensors.items()},
         "records": {r: {n: _sensor(s) for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
-        "median_rmse_K": {n: fit.median_rmse(n) for n in fit.sensors},
+        "median_rmse_K": {n: s.median_rmse for n, s in shown.sensors.items()},
         "local": [_local(i) for i in fit.local],
         "moved": _moved(fit.moved),
         "reduced_chi_square": fit.reduced_chi_square,

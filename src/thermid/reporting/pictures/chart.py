@@ -25,7 +25,7 @@ POINTS, MOST = 400, 24_000
 
 
 @dataclass(frozen=True)
-class Line:
+class Stroke:
     """One line of a panel; `colour` is a pair (variable of the page, value elsewhere), `dash` an SVG dash pattern, width in px.
 
     A line that is the difference of two others of the figure names them in `less`, the minuend first: the three are then drawn at the
@@ -68,7 +68,7 @@ class Panel:
 
     name: str
     unit: str
-    lines: Sequence[Line]
+    lines: Sequence[Stroke]
     areas: Sequence[Area] = ()
     levels: Sequence[float] = ()
     top: float | None = None
@@ -263,7 +263,7 @@ def _moves(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
     return f"M{x[0]} {y[0]}l{text}" if steps else f"M{x[0]} {y[0]}h1"
 
 
-def _stretches(line: Line) -> Iterator[NDArray[np.int64]]:
+def _stretches(line: Stroke) -> Iterator[NDArray[np.int64]]:
     """Yield the positions of the parts of a line between which samples are missing."""
     good = np.flatnonzero(np.isfinite(line.x) & np.isfinite(line.y))
     steps = np.diff(line.x[good])
@@ -271,7 +271,7 @@ def _stretches(line: Line) -> Iterator[NDArray[np.int64]]:
     yield from (at for at in np.split(good, holes) if at.size)
 
 
-def _line(line: Line, scale: _Scale, limit: int, kept: NDArray[np.int64] | None) -> tuple[str, int]:
+def _line(line: Stroke, scale: _Scale, limit: int, kept: NDArray[np.int64] | None) -> tuple[str, int]:
     path, points = [], 0
     whole = max(line.x.size, 1)
     for at in _stretches(line):

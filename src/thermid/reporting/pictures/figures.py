@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.sections import Drawn, Entry
-from thermid.reporting.pictures.chart import Area, Line, Panel, chart, nice_ticks, number_text
+from thermid.reporting.blocks.sections import Graphic, LegendEntry
+from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
 
 if TYPE_CHECKING:
     from thermid.simulation.solution import Solution
+
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,9 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
     return [(b, marks.get(id(b), "")) for b in blocks if id(b) in kept]
 
 
-def compared(times: Array, measured: Array, predicted: Array, key: str, label: str, *, below: str = "residual", wide: float = 0.0) -> Drawn:
+def compared(
+    times: Array, measured: Array, predicted: Array, key: str, label: str, *, below: str = "residual", wide: float = 0.0
+) -> Graphic:
     """Return readings with the simulation over them, and their difference below: the one layout of every such figure.
 
     Parameters
@@ -114,19 +117,21 @@ def compared(times: Array, measured: Array, predicted: Array, key: str, label: s
         ends = np.array([x[0], x[-1]])
         bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
         low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
-    lines = [Line("measured", x, y, LOOKS["measured"], 3.4), Line("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
+    lines = [Stroke("measured", x, y, LOOKS["measured"], 3.4), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
     panels = [
         Panel("temperature", "°C", lines, bands, share=2.4),
-        Panel(below, "K", [Line("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)),
+        Panel(
+            below, "K", [Stroke("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)
+        ),
     ]
     markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
-    entries = [Entry("measured", "--f-measured", width=4), Entry("simulated", "--f-simulated", width=2)]
-    entries.append(Entry("measured less simulated", "--f-residual", width=1.4))
-    entries += [Entry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
-    return Drawn(markup, tuple(entries), points)
+    entries = [LegendEntry("measured", "--f-measured", width=4), LegendEntry("simulated", "--f-simulated", width=2)]
+    entries.append(LegendEntry("measured less simulated", "--f-residual", width=1.4))
+    entries += [LegendEntry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
+    return Graphic(markup, tuple(entries), points)
 
 
-def trace(block: SensorTrace, key: str, label: str) -> Drawn:
+def trace(block: SensorTrace, key: str, label: str) -> Graphic:
     """Return measured against simulated readings of one sensor in one record, with the residuals below.
 
     Parameters
@@ -144,7 +149,7 @@ def _spread(count: int) -> Array:
     return np.asarray(((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3, dtype=np.float64)
 
 
-def overview(lines: Sequence[Dots]) -> Drawn:
+def overview(lines: Sequence[Dots]) -> Graphic:
     """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
     sensors = list(dict.fromkeys(s for line in lines for s in line.values))
     highest = 1.06 * max((v for line in lines for values in line.values.values() for v in values), default=1.0) or 1.0
@@ -189,10 +194,10 @@ def overview(lines: Sequence[Dots]) -> Drawn:
         f'<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width:g} {bottom + 38:.0f}" '
         f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(out)}{axis}{end}</svg>'
     )
-    entries = [Entry(s, f"--s{m % len(SERIES)}", "", MARKS[m % len(MARKS)]) for m, s in enumerate(sensors)]
+    entries = [LegendEntry(s, f"--s{m % len(SERIES)}", "", MARKS[m % len(MARKS)]) for m, s in enumerate(sensors)]
     if any(len(values) > 1 for line in lines for values in line.values.values()):
-        entries.append(Entry("median", "--f-ink", "", "❙"))
-    return Drawn(markup, tuple(entries), points)
+        entries.append(LegendEntry("median", "--f-ink", "", "❙"))
+    return Graphic(markup, tuple(entries), points)
 
 
 def _series(k: int) -> str:
@@ -203,7 +208,7 @@ def _cut(text: str) -> str:
     return text if len(text) <= 26 else text[:25] + "…"
 
 
-def prediction(solution: Solution, key: str, label: str) -> Drawn:
+def prediction(solution: Solution, key: str, label: str) -> Graphic:
     """Return the temperatures of every node of a solution over time."""
     length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
     lines, entries = [], []
@@ -212,7 +217,94 @@ def prediction(solution: Solution, key: str, label: str) -> Drawn:
         dash = " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
         celsius = solution.temperatures[:, k] - ICE_POINT
         name = f"{node} {celsius[-1]:.1f} °C"
-        lines.append(Line(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
-        entries.append(Entry(name, f"--s{n}", dash))
+        lines.append(Stroke(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
+        entries.append(LegendEntry(name, f"--s{n}", dash))
     markup, points = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
-    return Drawn(markup, tuple(entries), points)
+    return Graphic(markup, tuple(entries), points)
+
+
+STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
+    "measured": (("--f-measured", MEASURED), 3.4, ""),
+    "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
+    "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
+    "bound off": (("--f-residual", RESIDUAL), 1.6, "6 2 1.5 2"),
+    "bound start": (("--f-residual", RESIDUAL), 6.0, ""),
+    "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
+    "truth": (("--f-ink", INK), 1.1, ""),
+}
+"""Colour, width [px] and dashes of every look."""
+
+
+@dataclass(frozen=True)
+class DrawnCurve:
+    """One line.
+
+    Parameters
+    ----------
+    label : str             What the legend says; lines of one label have one look.
+    look : str              One of `STYLES`.
+    times : array (times,)  [s]
+    values : array (times,) In the unit of the axis.
+    less : (str, str)       Labels of the two curves whose difference it is, in the same unit; None for no difference.
+    """
+
+    label: str
+    look: str
+    times: Array
+    values: Array
+    less: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class ShadedBand:
+    """An area between two lines, such as an interval; times [s], low and high (times,) in the unit of the axis."""
+
+    label: str
+    times: Array
+    low: Array
+    high: Array
+
+
+def curves(
+    lines: Sequence[DrawnCurve],
+    key: str,
+    label: str,
+    *,
+    band: ShadedBand | None = None,
+    below: Sequence[DrawnCurve] = (),
+    names: tuple[str, str] = ("temperature, °C", ""),
+    top: float | None = None,
+    size: tuple[float, float] = (440, 250),
+) -> Graphic:
+    """Return curves over time; a curve that leaves the top is marked with the value at which it ends.
+
+    Parameters
+    ----------
+    lines : sequence of DrawnCurve  What is drawn.
+    key : str                   Prefix of the figure's identifiers.
+    label : str                 What a screen reader says.
+    band : ShadedBand               An interval behind the lines.
+    below : sequence            Curves of a second, lower axis, such as differences.
+    names : (upper, lower)      What the axes show.
+    top : float                 Upper end of the axis, where not everything is to be seen.
+    size : (width, height)      [px]
+    """
+    length, unit = time_unit(max(float(c.times[-1]) for c in lines))
+    areas = [Area(band.label, band.times / length, band.low, band.high, STYLES["simulated"][0])] if band is not None else []
+    panels = [_panel(names[0], lines, length, areas, top, 2.2)]
+    if below:
+        panels.append(_panel(names[1], below, length))
+    markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
+    seen = {c.label: STYLES[c.look] for c in (*lines, *below)}
+    entries = [LegendEntry(text, variable, dash, width=width) for text, ((variable, _), width, dash) in seen.items()]
+    if band is not None:
+        entries.append(LegendEntry(band.label, "--f-simulated", "band"))
+    return Graphic(markup, tuple(entries), points)
+
+
+def _panel(
+    name: str, lines: Sequence[DrawnCurve], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
+) -> Panel:
+    what, _, unit = name.partition(", ")
+    drawn = [Stroke(c.label, c.times / length, c.values, *STYLES[c.look], less=c.less) for c in lines]
+    return Panel(what, unit, drawn, areas, top=top, share=share)

@@ -21,9 +21,9 @@ from thermid.measure.readers.guess import Column, columns_of
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import even_step, gap_from, usual_step
-from thermid.reporting.pictures.chart import Line, Panel, chart
+from thermid.reporting.pictures.chart import Panel, Stroke, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
-from thermid.units import counted
+from thermid.units import counted, unit
 
 Array = NDArray[np.float64]
 
@@ -223,7 +223,7 @@ class Look:
             for c in (c for c in self.columns if c.guess in guesses and c.good.any()):
                 k = len(legend)
                 colour, dash = SERIES[k % len(SERIES)], " ".join(f"{v:g}" for v in DASHES[k // len(SERIES) % len(DASHES)])
-                lines.append(Line(c.name, x[c.good], _in(c, shown)[c.good], (f"--s{k % len(SERIES)}", colour), dash=dash))
+                lines.append(Stroke(c.name, x[c.good], _in(c, shown)[c.good], (f"--s{k % len(SERIES)}", colour), dash=dash))
                 legend.append((c.name, colour, dash))
             if lines:
                 panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
@@ -253,8 +253,6 @@ def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], n
 
 def _in(column: Column, shown: str) -> Array:
     """Return readings in the unit of a panel."""
-    from thermid.units import unit
-
     of, to = unit(column.unit), unit({"°C": "degC"}.get(shown, shown))
     si = column.values * float(of.factor) + float(of.offset)
     out: Array = (si - float(to.offset)) / float(to.factor)

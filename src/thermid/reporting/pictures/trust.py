@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,18 +19,17 @@ from thermid.explain.whiteness import cumulated_periodogram
 from thermid.files import PICTURE, write_bytes
 from thermid.inference.profile import Profile
 from thermid.inference.valley import Valley
-from thermid.monte_carlo.hold import Hold
+from thermid.monte_carlo.hold import Hold, HoldPoint, clock, driven_by
 from thermid.physics.constants import ICE_POINT
-from thermid.profile_runs.profile_run import ProfileRun
+from thermid.profile_runs.profile_run import Phase, ProfileRun
 from thermid.reporting.blocks.extras import extra
-from thermid.reporting.pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, time_unit
-from thermid.reporting.pictures.hold import draw_hold
-from thermid.reporting.pictures.profile_run import draw_run
+from thermid.reporting.pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
 from thermid.units import unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 PICTURES = (".png", ".svg", ".pdf")
 LEVELS = {2.30: "68 %", 5.99: "95 %"}
@@ -232,3 +232,124 @@ def _steps(levels: list[float]) -> Any:
     from matplotlib.colors import BoundaryNorm
 
     return BoundaryNorm(levels, 256)
+
+
+MOST = 6
+"""Limits drawn; those that are passed first."""
+
+
+def draw_hold(figure: Figure, found: Hold) -> None:
+    """Draw the curves of the limits that are passed first, with the hold time of the first, and what drives it."""
+    axis: Axes = figure.subplots()
+    length, name = time_unit(float(found.times[-1]))
+    passed = [p for p in found.points[:MOST] if p.exceedance[-1] > 0.0] or [found.points[0]]
+    if found.watermark:
+        figure.text(
+            0.5, 0.5, found.watermark.upper(), color=SOFT, alpha=0.16, fontsize=20, rotation=24, ha="center", va="center", weight="bold"
+        )
+    for k, p in enumerate(passed):
+        dash = DASHES[k % len(DASHES)]
+        label, colour = f"{p.name}, {p.limit:g} degC", SERIES[k % len(SERIES)]
+        (line,) = axis.plot(*_exceedance(p, found, length), color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+        if dash:
+            line.set_dashes(dash)
+    top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - found.confidence)))
+    share = 100.0 * (1.0 - found.confidence)
+    axis.axhline(share, color=SOFT, linewidth=1.0, linestyle=":")
+    axis.text(found.times[-1] / length, share, f"{share:g} % ", color=SOFT, va="bottom", ha="right")
+    until, (low, high) = found.together.hold, found.together.between
+    if math.isfinite(until):
+        axis.axvspan(low / length, min(high, found.times[-1]) / length, color=INK, alpha=0.12, linewidth=0)
+        axis.axvline(until / length, color=INK, linewidth=1.2)
+        axis.annotate(f"{clock(until)} ", (until / length, 0.62 * top), ha="right", color=INK, weight="bold")
+    axis.set_xlim(found.times[0] / length, found.times[-1] / length)
+    axis.set_ylim(0.0, top)
+    axis.set_xlabel(f"time, {name}")
+    axis.set_ylabel("probability of having passed the limit, %")
+    driven = ", ".join(driven_by(found.together).split(", ")[:3])
+    axis.set_title(found.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
+    axis.legend(loc="best")
+
+
+def _exceedance(p: HoldPoint, found: Hold, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the curve through every crossing, up to the end of the scenario. [time unit, %]"""
+    ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
+    times = np.concatenate(([found.times[0]], ordered, [found.times[-1]]))
+    passed = np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)]))
+    return times / length, 100.0 * passed / p.crossings.size
+
+
+"""Nodes drawn; those with the widest swings."""
+SHADES = {
+    "way": (GRID, "on the way"),
+    "wait": (RESIDUAL, "waiting for the unit"),
+    "stay": (SIMULATED, "dwell"),
+    "off": (INK, "switched off"),
+}
+
+
+def draw_run(figure: Figure, run: ProfileRun) -> None:
+    """Draw the chamber and the nodes over time, phases as shades with a strip above that names them."""
+    grid = figure.add_gridspec(2, 1, height_ratios=(1, 14), hspace=0.02)
+    strip: Axes = figure.add_subplot(grid[0])
+    axis: Axes = figure.add_subplot(grid[1])
+    length, name = time_unit(run.duration)
+    seen: dict[str, Any] = {}
+    for phase in run.phases:
+        colour, label = SHADES[_shade(phase)]
+        for at, alpha in ((strip, 0.75), (axis, 0.13)):
+            span = at.axvspan(phase.start / length, phase.end / length, color=colour, alpha=alpha, linewidth=0)
+        seen.setdefault(label, span)
+    _strip(strip, run, length)
+    nodes = [n for n in run.solution.nodes if n not in run.chamber]
+    swings = sorted(nodes, key=lambda n: run[n].lowest - run[n].highest)
+    drawn = ([run.base] if run.base else []) + [n for n in swings if n != run.base]
+    trace = run[run.chamber[0]]
+    axis.plot(trace.times / length, trace.celsius, color=SOFT, linewidth=1.0, label=f"chamber ({run.chamber[0]})")
+    for k, node in enumerate(drawn[:MOST]):
+        trace = run[node]
+        label = f"{node} (base plate)" if node == run.base else node
+        times, kelvin = trace.course
+        (line,) = axis.plot(times / length, kelvin - ICE_POINT, color=SERIES[k % len(SERIES)], linewidth=1.6, label=label)
+        if DASHES[k % len(DASHES)]:
+            line.set_dashes(DASHES[k % len(DASHES)])
+    used = run.profile.used
+    for side in ("hot", "cold"):
+        if side in used:
+            level = float(used[side].value) - ICE_POINT
+            axis.axhline(level, color=INK, linewidth=0.8, linestyle=":")
+            axis.text(run.duration / length, level, f"{side} {level:.4g} degC ", va="bottom", ha="right", fontsize=8, color=INK)
+    axis.set_xlim(0.0, run.duration / length)
+    axis.set_xlabel(f"time, {name}")
+    axis.set_ylabel("temperature, degC")
+    handles, labels = axis.get_legend_handles_labels()
+    axis.legend(handles + list(seen.values()), labels + list(seen), loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, fontsize=8)
+    strip.set_title(_title(run), loc="left")
+    if not run.decides:
+        look: dict[str, Any] = {"color": SOFT, "alpha": 0.16, "fontsize": 24, "rotation": 24, "weight": "bold"}
+        figure.text(0.5, 0.5, "NUMBERS FROM MEMORY", ha="center", va="center", **look)
+
+
+def _title(run: ProfileRun) -> str:
+    """Return what was run, for how long, and how much of it was waiting."""
+    long, waited = run.duration / 3600.0, run.waited / 3600.0
+    return (
+        f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}"
+    )
+
+
+def _shade(phase: Phase) -> str:
+    """Return which shade a phase has."""
+    return "off" if not phase.power else phase.kind
+
+
+def _strip(strip: Axes, run: ProfileRun, length: float) -> None:
+    """Name the cycles in the strip, where there is room for it."""
+    strip.set_xlim(0.0, run.duration / length)
+    strip.set_axis_off()
+    for cycle in sorted({p.cycle for p in run.phases if p.cycle}):
+        own = [p for p in run.phases if p.cycle == cycle]
+        begin, end = own[0].start, own[-1].end
+        strip.axvline(begin / length, color=INK, linewidth=0.8)
+        if (end - begin) > 0.03 * run.duration:
+            strip.text(0.5 * (begin + end) / length, 0.5, str(cycle), ha="center", va="center", fontsize=8, color=INK)

@@ -11,7 +11,7 @@ from thermid.judge.correlation import Correlation
 from thermid.qualify.programme import Qualification
 from thermid.reporting.blocks.cells import DASH, Table
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Block, Entry, Facts, Figures, Notes, Plot, Section, Words, as_block
+from thermid.reporting.blocks.sections import Block, Facts, Figures, LegendEntry, Notes, Plot, Section, Words, as_block
 from thermid.reporting.pages.origins import versions
 from thermid.reporting.pages.study import tile
 from thermid.reporting.qualification import judged, tables
@@ -138,7 +138,7 @@ def _signatures(q: Qualification) -> list[str]:
 def _courses(q: Qualification) -> list[Block]:
     """Return the worst part of every test over time."""
     plots: list[Plot] = []
-    legend: dict[str, Entry] = {}
+    legend: dict[str, LegendEntry] = {}
     for k, t in enumerate(q.trials):
         drawn, worst = course(t, f"course-{k}"), t.worst
         if drawn is not None and worst is not None:

@@ -9,11 +9,10 @@ from thermid.judge.criteria import heading
 from thermid.model.tree.flat import flatten
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, number
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number
 from thermid.reporting.blocks.sections import Block, Facts, Figures, Heading, Notes, Plot, Section, Words, folded
 from thermid.reporting.pages.origins import versions
 from thermid.reporting.qualification import judged, tables
-from thermid.reporting.qualification import margins as concluded
 from thermid.reporting.qualification.cells import hours, mark
 from thermid.reporting.qualification.figures import overlay
 from thermid.sourced import VERDICTS
@@ -49,16 +48,16 @@ def sections(q: Qualification) -> list[Section]:
             "margins",
             "Uncertainty, limits and margins",
             [
-                concluded.margin_table(q),
+                judged.margin_table(q),
                 Heading("What the uncertainty holds"),
-                concluded.counted(q),
+                judged.counted(q),
                 Heading("Predictions of the service cases"),
-                concluded.service(q),
+                judged.service(q),
                 folded("Every limit in every test", [judged.checks(q)]),
             ],
             "Margins",
         ),
-        Section.of("validity", "Validity envelope", [*_envelope(q), concluded.outside(q)]),
+        Section.of("validity", "Validity envelope", [*_envelope(q), judged.outside(q)]),
         Section.of("assumptions", "What is assumed, by its effect", _assumed(q), "Assumptions"),
         Section.of("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
     ]
@@ -67,8 +66,8 @@ def sections(q: Qualification) -> list[Section]:
 def _criteria(q: Qualification) -> Table:
     used = dict.fromkeys(n for t in q.plan.tests for n in t.criteria)
     shown = dict.fromkeys(("mean", "spread", "each", "rmse", *(key for name in used for key in q.plan.criteria[name].limits)))
-    columns = [Column("set"), *(Column(f"{heading(key)}, K", True) for key in shown)]
-    columns += [Column("for"), Column("mark"), Column("source", wrapped=True)]
+    columns = [Head("set"), *(Head(f"{heading(key)}, K", True) for key in shown)]
+    columns += [Head("for"), Head("mark"), Head("source", wrapped=True)]
     rows: list[Line] = []
     for name in used:
         c = q.plan.criteria[name]
@@ -82,7 +81,7 @@ def _configuration(q: Qualification) -> list[Block | Table]:
     rows: list[Line] = [[d.what, d.effect or DASH] for d in given.differences]
     flat = flatten(q.known.model)
     size = (("model", q.known.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
-    table = Table.of([Column("difference", wrapped=True), Column("effect", wrapped=True)], rows)
+    table = Table.of([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
     return [
         Facts((("as tested", given.as_tested or DASH), ("as flown", given.as_flown or DASH), *size)),
         table if rows else Words("No differences stated."),
@@ -97,15 +96,15 @@ def _as_run(q: Qualification) -> list[Block | Table]:
         where = [t.test.host or "alone", t.test.orientation or DASH, t.test.gravity or DASH]
         rows.append([Cell(t.test.name, "", "main"), t.test.purpose or DASH, t.test.state, t.test.date or DASH, *where, deviations, log])
     columns = [
-        Column("test"),
-        Column("purpose", wrapped=True),
-        Column("state"),
-        Column("date"),
-        Column("on"),
-        Column("orientation"),
-        Column("gravity"),
+        Head("test"),
+        Head("purpose", wrapped=True),
+        Head("state"),
+        Head("date"),
+        Head("on"),
+        Head("orientation"),
+        Head("gravity"),
     ]
-    return [Table.of([*columns, Column("as-run deviations", wrapped=True), Column("log")], rows)]
+    return [Table.of([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
 
 
 def _leaks(q: Qualification) -> list[Block | Table]:
@@ -118,7 +117,14 @@ def _leaks(q: Qualification) -> list[Block | Table]:
         stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())
         rows.append([Cell(t.test.name, given, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
     return [
-        Table.of([Column("test"), Column("what is not known exactly", wrapped=True), Column("heat leaks of the test", wrapped=True)], rows)
+        Table.of(
+            [
+                Head("test"),
+                Head("what is not known exactly", wrapped=True),
+                Head("heat leaks of the test", wrapped=True),
+            ],
+            rows,
+        )
     ]
 
 
@@ -201,7 +207,7 @@ def _envelope(q: Qualification) -> list[Block | Table]:
 def _assumed(q: Qualification) -> list[Block | Table]:
     if not q.assumptions:
         return [Words("Nothing is assumed: every value of the decks has another source.")]
-    whole = concluded.assumed(q)
+    whole = judged.assumed(q)
     few = Table(whole.columns, whole.rows[:12], whole.caption)
     return [few, *([folded("All of them", [whole], f"{len(whole.rows)} values")] if len(whole.rows) > 12 else [])]
 
@@ -215,7 +221,7 @@ def _delivery(q: Qualification) -> Table:
     for v in q.known.values:
         rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
     rows.append(["runs", ", ".join(t.test.name for t in q.trials)])
-    return Table.of([Column("what"), Column("is", wrapped=True)], rows)
+    return Table.of([Head("what"), Head("is", wrapped=True)], rows)
 
 
 def _files(q: Qualification) -> Table:
@@ -229,7 +235,7 @@ def _files(q: Qualification) -> Table:
     note = (
         "SHA-256, its beginning: of a deck of the plan, of what its model means; of a log, of its samples; of any other file, of its bytes."
     )
-    return Table.of([Column("file"), Column("of"), Column("hash")], rows, note)
+    return Table.of([Head("file"), Head("of"), Head("hash")], rows, note)
 
 
 def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:

@@ -10,15 +10,21 @@ import numpy as np
 
 from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial, sensors_of
-from thermid.reporting.blocks.cells import DASH, Cell, Column, Line, Table, absolute, number, plain, pretty, signed, significant
+from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, plain, pretty, signed, significant
 from thermid.reporting.blocks.sections import Block, as_block, folded
 from thermid.reporting.qualification.cells import celsius, hours, mark, verdict
 
 
 def tests(q: Qualification) -> Table:
     """Return the tests: kind, state, course, criteria, limits and correlation."""
-    columns = [Column("test"), Column("limits"), Column("correlation"), Column("nearest to a limit"), Column("at", True)]
-    columns += [Column("room, K", True), Column("state"), Column("lasts", True), Column("course", wrapped=True)]
+    columns = [
+        Head("test"),
+        Head("limits"),
+        Head("correlation"),
+        Head("nearest to a limit"),
+        Head("at", True),
+    ]
+    columns += [Head("room, K", True), Head("state"), Head("lasts", True), Head("course", wrapped=True)]
     rows: list[Line] = []
     for t in q.trials:
         course = Cell(t.foresight.scenario.title)
@@ -54,8 +60,14 @@ def _no_log(t: Trial) -> Cell:
 
 def sensors(q: Qualification) -> Table:
     """Return the sensors: node, place, reason, accuracy, certificate."""
-    columns = [Column("sensor"), Column("model node"), Column("place"), Column("why there", wrapped=True), Column("accuracy")]
-    columns += [Column("noise"), Column("certificate", wrapped=True)]
+    columns = [
+        Head("sensor"),
+        Head("model node"),
+        Head("place"),
+        Head("why there", wrapped=True),
+        Head("accuracy"),
+    ]
+    columns += [Head("noise"), Head("certificate", wrapped=True)]
     rows: list[Line] = [
         [
             Cell(n, "", "main"),
@@ -74,12 +86,12 @@ def sensors(q: Qualification) -> Table:
 def boundaries(q: Qualification) -> Table:
     """Return the lowest and highest temperature of every boundary, as planned and as logged, and what is not known exactly of it."""
     columns = [
-        Column("test"),
-        Column("boundary"),
-        Column("planned, °C", True),
-        Column("logged, °C", True),
-        Column("column"),
-        Column("stated ±"),
+        Head("test"),
+        Head("boundary"),
+        Head("planned, °C", True),
+        Head("logged, °C", True),
+        Head("column"),
+        Head("stated ±"),
     ]
     rows: list[Line] = []
     for t in q.trials:
@@ -103,7 +115,13 @@ def stated_text(spread: str | Mapping[str, str | float]) -> str:
 def duties(q: Qualification) -> list[Block]:
     """Return the duty of every heater with its margin, and the power of every load per test."""
     out: list[Block] = []
-    columns = [Column("test"), Column("heater"), Column("full power, W", True), Column("duty, %", True), Column("at most, %", True)]
+    columns = [
+        Head("test"),
+        Head("heater"),
+        Head("full power, W", True),
+        Head("duty, %", True),
+        Head("at most, %", True),
+    ]
     rows: list[Line] = [
         [
             Cell(t.test.name, "", "main"),
@@ -118,7 +136,7 @@ def duties(q: Qualification) -> list[Block]:
         for h in t.heaters
     ]
     if rows:
-        out.append(as_block(Table.of([*columns, Column("mark"), Column("result")], rows, "At most: what leaves the power margin.")))
+        out.append(as_block(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: what leaves the power margin.")))
     for t in q.trials:
         times = t.foresight.solution.times
         lines: list[Line] = []
@@ -128,7 +146,7 @@ def duties(q: Qualification) -> list[Block]:
             if w.any():
                 lines.append([load, number(float(np.trapezoid(w, times) / times[-1]), 3), number(float(w.max()), 3), said])
         if lines:
-            heads = [Column("load"), Column("mean, W", True), Column("largest, W", True), Column("stated ±")]
+            heads = [Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")]
             total = sum(float(np.max(w)) for w in t.foresight.solution.load_powers.values())
             out.append(folded(f"Power in {t.test.name}", [Table.of(heads, lines)], f"{len(lines)} loads, at most {total:.4g} W together"))
     return out
@@ -137,14 +155,20 @@ def duties(q: Qualification) -> list[Block]:
 def phases(t: Trial) -> Table:
     """Return the phases of a course: what was waited for, the slowest part, what the rule left unfinished."""
     columns = [
-        Column("at", True),
-        Column("for", True),
-        Column("cycle", True),
-        Column("phase", wrapped=True),
-        Column("unit"),
-        Column("chamber, °C", True),
+        Head("at", True),
+        Head("for", True),
+        Head("cycle", True),
+        Head("phase", wrapped=True),
+        Head("unit"),
+        Head("chamber, °C", True),
     ]
-    columns += [Column("rule"), Column("slowest part"), Column("rate, K/h", True), Column("furthest from rest"), Column("left, K", True)]
+    columns += [
+        Head("rule"),
+        Head("slowest part"),
+        Head("rate, K/h", True),
+        Head("furthest from rest"),
+        Head("left, K", True),
+    ]
     rows: list[Line] = []
     for p in t.course.phases if t.course is not None else ():
         name = f"{p.name}, wait" if p.kind == "wait" else p.name
@@ -160,13 +184,13 @@ def phases(t: Trial) -> Table:
 def foreseen(q: Qualification, t: Trial) -> Table:
     """Return the pre-test predictions of a test per sensor, and what was measured where its log has come back."""
     columns = [
-        Column("sensor"),
-        Column("lowest, °C", True),
-        Column("measured, °C", True),
-        Column("highest, °C", True),
-        Column("measured, °C", True),
+        Head("sensor"),
+        Head("lowest, °C", True),
+        Head("measured, °C", True),
+        Head("highest, °C", True),
+        Head("measured, °C", True),
     ]
-    columns += [Column("last, °C", True), Column("measured, °C", True), Column("outside 95 %")]
+    columns += [Head("last, °C", True), Head("measured, °C", True), Head("outside 95 %")]
     seen = {o.sensor: o for o in t.correlation.overlays} if t.correlation is not None else {}
     rows: list[Line] = []
     for sensor, (node, _) in sensors_of(q.plan, t.test).items():
@@ -200,27 +224,29 @@ def flows(t: Trial) -> Table:
     ranked = sorted(means.items(), key=lambda item: -abs(item[1]))[:14]
     rows: list[Line] = [[c, signed(w, 3), signed(float(run.heat_flows[c][-1]), 3)] for c, w in ranked]
     return Table.of(
-        [Column("path"), Column("mean, W", True), Column("at the end, W", True)], rows, "Positive from its first end to its second."
+        [Head("path"), Head("mean, W", True), Head("at the end, W", True)],
+        rows,
+        "Positive from its first end to its second.",
     )
 
 
 def changes(q: Qualification) -> Table:
     """Return what was fitted: before, after, error, bound, reason."""
     columns = [
-        Column("parameter"),
-        Column("before", True),
-        Column("after", True),
-        Column("±", True),
-        Column("unit"),
-        Column("bounds", True),
+        Head("parameter"),
+        Head("before", True),
+        Head("after", True),
+        Head("±", True),
+        Head("unit"),
+        Head("bounds", True),
     ]
-    columns += [Column("why it may be so", wrapped=True)]
+    columns += [Head("why it may be so", wrapped=True)]
     reasons, rows = q.plan.content.model.reasons, []
     for several in q.known.values:
         for path, v in several.parameters.items():
             why = next((text for pattern, text in reasons.items() if fnmatch.fnmatchcase(path, pattern)), "")
-            low, high = (plain(absolute(v, b), 4) if math.isfinite(b) else "" for b in v.bounds)
-            line: Line = [Cell(path, v.origin, "main"), plain(absolute(v, v.start), 5), significant(v.in_unit, v.shown(v.error))]
+            low, high = (plain(v.converted(b), 4) if math.isfinite(b) else "" for b in v.bounds)
+            line: Line = [Cell(path, v.origin, "main"), plain(v.converted(v.start), 5), significant(v.in_unit, v.shown(v.error))]
             rows.append(
                 [
                     *line,

@@ -9,7 +9,7 @@ from typing import Any
 
 from thermid.errors import ScenarioError, ThermidError
 from thermid.measure import read_plain, read_record
-from thermid.model.laws.signal import CONDUCT, Signal, Table, conducted
+from thermid.model.laws.signal import CONDUCT, Signal, TableSignal, conducted
 from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
@@ -75,7 +75,7 @@ class LogColumns:
         times, values = times[inside], values[inside]
         zero = self.zeros.get(file, float(record.times[0]))
         held = bool(value.get("hold", held)) and value.get("samples") != "average"
-        rows = Table(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
+        rows = TableSignal(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
         try:
             return conducted(rows, value, where)
         except ThermidError as error:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thermid.errors import ScenarioError, nearest
-from thermid.model.laws.signal import Constant, Signal, Table, check_span, literal, own_signal, signal
+from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.medium import Media
@@ -211,7 +211,9 @@ class Scenario:
 
 def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     """Return a sentence for the columns of logs whose samples nobody said to be averages or instants; none where there are none."""
-    assumed = [place for place, given in scenario.signals() if isinstance(given, Table) and given.log is not None and not given.samples]
+    assumed = [
+        place for place, given in scenario.signals() if isinstance(given, TableSignal) and given.log is not None and not given.samples
+    ]
     if not assumed:
         return ()
     return (

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError, nearest
-from thermid.model.laws.signal import Constant, Sine, Table
-from thermid.network.eliminate import held_in
+from thermid.model.laws.signal import Constant, Sine, TableSignal
+from thermid.network.network import held_in
 from thermid.simulation.solver.extremes import by_column
 from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large_model import integrate_model, refusal
@@ -173,7 +173,7 @@ class Modal:
     def work(self, times: Array, end: float) -> Effort:
         """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
         signals = [self.wiring.signals[name] for name in self.wiring.used]
-        tables = [s for s in signals if isinstance(s, Table)]
+        tables = [s for s in signals if isinstance(s, TableSignal)]
         key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
         if key not in self._grids:
             grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
@@ -210,7 +210,7 @@ class Modal:
         (docs/decisions/022-modal-solution.md).
         """
         signal, s = self.wiring.signals[name], self.wiring.structure
-        if not isinstance(signal, Table) or signal.times.size <= (5000 if signal.hold else 500):
+        if not isinstance(signal, TableSignal) or signal.times.size <= (5000 if signal.hold else 500):
             return 0.0
         noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))  # of independent readings, whatever they follow
         moved = np.zeros(capacity.size)

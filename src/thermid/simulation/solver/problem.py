@@ -1,4 +1,4 @@
-"""The kernel's problem of one wiring: what it takes in place of names, its right-hand side, tables that a run leaves, words for its end."""
+"""The kernel's problem of one wiring: what it takes in place of names, its right-hand side, temperatures by name, words for its end."""
 
 from __future__ import annotations
 
@@ -11,17 +11,82 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.dual import value_of
-from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, Table
-from thermid.network.eliminate import held_in
-from thermid.network.network import Network, Numbers
+from thermid.dual import gradient_of, value_of
+from thermid.memo import Memo
+from thermid.model.laws.curves import Curve, evaluate, value_and_slope
+from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, TableSignal
+from thermid.network.network import Network, Numbers, held_in
 from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
 from thermid.simulation.solver.extremes import Turnings
-from thermid.simulation.solver.traces import Traces
 from thermid.simulation.solver.wiring import Assembled, PlacedConductor, PlacedLoad, Wiring
 
 Array = NDArray[np.float64]
+
+
+def kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
+    """Return the nodes that the kernel must store so that `nodes` can be had."""
+    recover = dict(assembled.reduced.recover)
+    wanted, out = list(nodes), {}  # type: tuple[list[str], dict[str, None]]
+    while wanted:
+        node = wanted.pop(0)
+        if node in recover:
+            wanted += recover[node]
+        elif node in assembled.reduced.nodes:
+            out[node] = None
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """What the kernel stored, and what follows from it.
+
+    Parameters
+    ----------
+    wiring, assembled               The run's.
+    times : array (times,)          [s]
+    kept : tuple of str             The nodes that the kernel stored.
+    stored : array (times, kept)            [K]
+    slopes : array (times, kept, free)      Derivatives with respect to the free names; empty without them. [K per unit]
+    """
+
+    wiring: Wiring
+    assembled: Assembled
+    times: Array
+    kept: tuple[str, ...]
+    stored: Array
+    slopes: Array
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def temperature(self, name: str) -> Array:
+        """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
+        own = held_in(name)
+        if own in self.kept:
+            shape = self.assembled.reduced.stored[own][1].curve
+            return self.memo.made(name, lambda: evaluate(shape, self.stored[:, self.kept.index(own)]))
+        if name in self.kept:
+            return self.stored[:, self.kept.index(name)]
+        return self.memo.made(name, lambda: self._recovered(name))
+
+    def _recovered(self, name: str) -> Array:
+        if name in self.wiring.network.boundaries:
+            return self.wiring.boundary(name, self.times, self.assembled.offsets)
+        weights = dict(self.assembled.reduced.recover)[name]
+        return np.asarray(np.sum([value_of(w) * self.temperature(n) for n, w in weights.items()], axis=0))
+
+    def slope(self, name: str) -> Array:
+        """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
+        size = self.slopes.shape[2]
+        own = held_in(name)
+        if own in self.kept:
+            k, shape = self.kept.index(own), self.assembled.reduced.stored[own][1].curve
+            return value_and_slope(shape, self.stored[:, k])[1][:, None] * self.slopes[:, k, :]
+        if name in self.kept:
+            return self.slopes[:, self.kept.index(name), :]
+        if name in self.wiring.network.boundaries:
+            return np.broadcast_to(gradient_of(self.assembled.offsets[name], size), (self.times.size, size))
+        weights = dict(self.assembled.reduced.recover)[name]
+        parts = [value_of(w) * self.slope(n) + np.outer(self.temperature(n), gradient_of(w, size)) for n, w in weights.items()]
+        return np.asarray(np.sum(parts, axis=0))
 
 
 @dataclass(frozen=True)
@@ -99,7 +164,7 @@ MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have bee
 
 def break_times(signals: Iterable[Signal], end: float) -> Array:
     """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
-    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, Table) and s.hold]
+    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, TableSignal) and s.hold]
     times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
     times = times[(times > 0) & (times < end)]
     return times if times.size <= 5000 else np.zeros(0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
-from thermid.network.reach import unreached
+from thermid.network.network import unreached
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import MEAN, STEADY
 from thermid.simulation.solver.large_model import settle_model

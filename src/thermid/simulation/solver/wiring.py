@@ -18,7 +18,7 @@ from thermid.model.laws.signal import (
     Mixed,
     Signal,
     Sine,
-    Table,
+    TableSignal,
     common_cycle,
     literal,
     multiplied,
@@ -26,9 +26,8 @@ from thermid.model.laws.signal import (
     signal,
     together,
 )
-from thermid.model.laws.stores import Store
-from thermid.network.eliminate import Reduced, eliminable, reduce_network, with_stores
-from thermid.network.network import Network, Numbers
+from thermid.model.laws.stores import HeatStore
+from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_stores
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
@@ -217,7 +216,9 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
             ratio = _ratios(mine, own, row.name, network.title)
             if ratio is not None:
                 moving = (
-                    Table(schedule.times, ratio[schedule.index], schedule.hold) if schedule.times.size > 1 else Constant(float(ratio[0]))
+                    TableSignal(schedule.times, ratio[schedule.index], schedule.hold)
+                    if schedule.times.size > 1
+                    else Constant(float(ratio[0]))
                 )
                 out[row.name, position, c] = moving
     count = len(base.conductors)
@@ -281,7 +282,10 @@ def _same_course(one: Signal, other: Signal) -> bool:
 
 
 class PlacedConductor(NamedTuple):
-    """A conductor of the kernel: its row without numbers, the places of its ends among nodes and boundaries, and of its coefficients."""
+    """A conductor of the kernel: its row, and the places of its ends among nodes and boundaries and of its coefficients.
+
+    The numbers in the row are those of the values that it was laid out at.
+    """
 
     row: ConductorRow
     a: int
@@ -290,7 +294,7 @@ class PlacedConductor(NamedTuple):
 
 
 class PlacedLoad(NamedTuple):
-    """A load of the kernel: its row without numbers, the place of its node, those of its law's coefficients, and its control or -1."""
+    """A load of the kernel: its row, as of a conductor, the place of its node, those of its law's coefficients, and its control or -1."""
 
     row: LoadRow
     node: int
@@ -584,7 +588,7 @@ class Wiring:
             if row.ends[0] == row.ends[1]:
                 continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
             places = [make.add(number, self._conductor_signal(row, position, c)) for c, number in enumerate(row.coefficients)]
-            out.append(PlacedConductor(replace(row, coefficients=()), index[row.ends[0]], index[row.ends[1]], places))
+            out.append(PlacedConductor(row, index[row.ends[0]], index[row.ends[1]], places))
         return tuple(out)
 
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
@@ -638,7 +642,7 @@ class Wiring:
                 continue  # heat into a given temperature changes nothing
             places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
             control = controls.index(row.name) if row.control else -1
-            out.append(PlacedLoad(replace(row, coefficients=()), index[row.node], places, control))
+            out.append(PlacedLoad(row, index[row.node], places, control))
         return tuple(out)
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
@@ -704,7 +708,7 @@ class Wiring:
         out.signals = {}
         for name, given in self.signals.items():
             # a table of one row keeps its place among the coefficients
-            still = Table(np.zeros(1), np.array([given.mean_over(0.0, span)]))
+            still = TableSignal(np.zeros(1), np.array([given.mean_over(0.0, span)]))
             out.signals[name] = given if isinstance(given, Constant) else still
         return out
 
@@ -739,7 +743,7 @@ def _shown(name: str) -> str:
     return rest if kind in ("boundary", "load", "curve", "sine", "watts") else f"the gas of {rest}" if rest else name
 
 
-def _level(store: Store, kelvin: Number) -> Number:
+def _level(store: HeatStore, kelvin: Number) -> Number:
     """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
     many = getattr(kelvin, "values", None)
     if many is not None:
