@@ -107,7 +107,7 @@ _PUBLIC = {
     "difference": "judge.difference",
     "Difference": "judge.difference",
     "Criteria": "judge.criteria",
-    "Standing": "model.parts.standing",
+    "Standing": "model.parts.parameter",
     "validate": "judge.verdict",
     "Verdict": "judge.verdict",
     "load_study": "campaign.methodology",

@@ -27,12 +27,11 @@ from thermid.knowledge.store import State, Store, ValueOrigin, graft
 from thermid.knowledge.values import view
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import Constant
-from thermid.model.parts.parameter import exact
-from thermid.model.parts.standing import Standing
+from thermid.model.parts.parameter import Standing, exact
 from thermid.model.tree.areas import ledger
 from thermid.model.tree.identity import definition_of, inside, instances
 from thermid.model.tree.model import Model
-from thermid.model.tree.replacement import Replacement, Start, short_text, touching
+from thermid.model.tree.replacement import PlaceStart, Replacement, short_text, touching
 from thermid.model.tree.tree import ParameterSet
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
@@ -98,7 +97,7 @@ class StagePlan:
     model: Model = field(repr=False)
     part: str = ""
     alone: bool = False
-    starts: tuple[Start, ...] = ()
+    starts: tuple[PlaceStart, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +295,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
 
 
-def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[Start, ...]]:
+def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
     """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
     model = done.fitted_model
     values, found = ParameterSet(model), touching(model, inner)
@@ -595,7 +594,7 @@ def known_below(below: Store, what: Replacement) -> Store:
     return below.only(of_place)
 
 
-def starts_of(before: Store, old: Model, new: Model, starts: Sequence[Start], stage: str) -> Store:
+def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart], stage: str) -> Store:
     """Return the starts of values of a place as states.
 
     A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the

@@ -24,7 +24,7 @@ from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.store import Store, graft
 from thermid.measure import Record
 from thermid.model.laws.signal import literal
-from thermid.model.parts.standing import Standing, worst
+from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.simulation.scenarios.scenario import STEADY, Scenario

@@ -25,7 +25,7 @@ from thermid.fit.uncertainty.groups import percent
 from thermid.knowledge.sources import Normal, Source
 from thermid.linear_algebra import variance
 from thermid.measure.amounts import duration_text, short
-from thermid.model.laws.signal import Constant, Signal, Table, literal
+from thermid.model.laws.signal import Constant, Signal, TableSignal, literal
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
@@ -118,14 +118,14 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
             # a power that nobody meters is as unknown at twice its level as it is now: then the command changes, not the power
             table, unit = ("loads", watts) if load in metered else ("commands", 1.0)
             words = f"from {watts:.3g} to {2 * watts:.3g} W" if load in metered else "to twice its power"
-            up, off = (Table(np.array([0.0, half]), unit * np.array([1.0, end]), True) for end in (2.0, 0.0))
+            up, off = (TableSignal(np.array([0.0, half]), unit * np.array([1.0, end]), True) for end in (2.0, 0.0))
             out.append(Action(f"'{load}' {words} after half the time", scenario.with_(**{table: {load: up}})))
             twice = f"at {2 * watts:.3g} W" if load in metered else "at twice its power"
             out.append(Action(f"'{load}' {twice}", scenario.with_(**{table: {load: Constant(2.0 * unit)}})))
             out.append(Action(f"'{load}' off after half the time", scenario.with_(**{table: {load: off}})))
     for boundary, signal in scenario.boundaries.items():
         level = _level(signal, 0.0)
-        ramp = Table(
+        ramp = TableSignal(
             np.array([0.0, half, half + 600.0, max(2.0 * half, half + 601.0)]), level + np.array([0.0, 0.0, 1.0, 1.0]) * CHAMBER_STEP
         )
         made = scenario.with_(boundaries={boundary: ramp})

@@ -33,7 +33,7 @@ from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.model.laws.signal import TableSignal
-from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, worst
+from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.identity import identity_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import deck_text, parameter_table

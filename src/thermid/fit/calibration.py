@@ -20,7 +20,7 @@ from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues, save_store
 from thermid.measure.amounts import digits, short
-from thermid.model.parts.standing import UNJUDGED, Standing, worst
+from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table

@@ -22,7 +22,7 @@ from thermid.measure import Record, read_record
 from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.record.channel import gap_from, usual_step
-from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.sourced import weigh
 
 Array = NDArray[np.float64]

@@ -14,8 +14,7 @@ from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import parse
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
 from thermid.linear_algebra import symmetric_inverse
-from thermid.model.parts.parameter import Parameter, exact
-from thermid.model.parts.standing import UNJUDGED, Standing, worst
+from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.identity import depth, inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Dropped

@@ -20,8 +20,7 @@ from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge.sources import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.linear_algebra import square_root
-from thermid.model.parts.parameter import Parameter, exact
-from thermid.model.parts.standing import UNJUDGED, Standing, worst
+from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.replacement import Dropped
 from thermid.units import unit
 

@@ -19,7 +19,7 @@ from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.values import FittedValues
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
-from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.drivers import Driver, drivers_of
 from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs

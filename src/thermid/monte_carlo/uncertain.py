@@ -18,7 +18,7 @@ from thermid.knowledge.sources import Choice, LeftOut, Source
 from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValues
 from thermid.model.laws.signal import literal
-from thermid.model.parts.standing import Standing
+from thermid.model.parts.parameter import Standing
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
 from thermid.network.network import compile_network

@@ -16,7 +16,7 @@ from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.measure import Record
-from thermid.model.laws.signal import Constant, Table, literal
+from thermid.model.laws.signal import Constant, TableSignal, literal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
@@ -155,7 +155,7 @@ def _asked(
         name = f"{path}_at_{k}"
         model = with_load(model, name, watts(given.into, power="1 [W]"))
         around = np.unique(np.clip([0, k - 1, k, k + 1, knots.size - 1], 0, knots.size - 1))
-        loads[name] = Table(knots[around], np.eye(knots.size)[k, around])
+        loads[name] = TableSignal(knots[around], np.eye(knots.size)[k, around])
         names.append(name)
     loads[path] = Constant(0.0)
     known = priors_of(model, priors or {}, f"power of {path}")
@@ -186,7 +186,7 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
     starts = {u.name.partition("initial.")[2]: float(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
     given = problem.experiments[0].bare
     loads = {k: v for k, v in given.loads.items() if not k.startswith(f"{path}_at_")}
-    loads = {**loads, path: Table(knots, power, False)}
+    loads = {**loads, path: TableSignal(knots, power, False)}
     scenario = replace(given, loads=loads, initial={**given.initial, **starts})
     run = simulate(bare, scenario, times=knots)
     known = np.zeros(count, dtype=bool)

@@ -17,7 +17,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint, coefficient_path, constant_coefficients, kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.values import FittedValues
-from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.network.network import compile_network

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
-from thermid.model.parts.standing import Standing
+from thermid.model.parts.parameter import Standing
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known, Rows
 from thermid.prediction.predict import Band, Prediction, predicted

@@ -17,7 +17,7 @@ from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.store import Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.linear_algebra import square_root
-from thermid.model.parts.standing import Standing, worst
+from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
 
 Array = NDArray[np.float64]

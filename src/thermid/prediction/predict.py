@@ -18,7 +18,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint, constant_coefficients
 from thermid.knowledge.sources import LeftOut
 from thermid.measure.amounts import short
-from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.budget import Budget, Spread, assumed_left_out, budget_of, first_line, in_order

@@ -22,14 +22,14 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
 from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.parts.standing import Standing, worst
+from thermid.model.parts.parameter import Standing, worst
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import FlatConductor
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.physics.air import dry_air
-from thermid.physics.bodies import body_htc, conduction_floor
 from thermid.physics.finishes import SPAN, finish
+from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady

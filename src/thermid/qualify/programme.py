@@ -15,7 +15,7 @@ from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
-from thermid.model.parts.standing import Standing
+from thermid.model.parts.parameter import Standing
 from thermid.model.tree.tree import parameter_table
 from thermid.prediction.budget import SILENT, UNFITTED, assumed_values
 from thermid.prediction.foresight import IN_TESTS, Foresight, widened

@@ -11,7 +11,7 @@ import numpy as np
 from thermid.errors import ScenarioError
 from thermid.judge.limits import LimitCheck, Limits, check_limits, spans
 from thermid.judge.margins import Margin, margins
-from thermid.model.parts.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known

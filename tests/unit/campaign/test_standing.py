@@ -21,7 +21,7 @@ from thermid.fit.calibrate import rests_on
 from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.deck.modelfile import load_model
-from thermid.model.parts.standing import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, State, worst
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 WHY = "T_BOX would have to be wrong by +0."
