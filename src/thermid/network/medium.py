@@ -42,15 +42,15 @@ MARKS = ATMOSPHERE * (np.arange(1, 870) / 400.0) ** 3
 """Pressures at which one that changes is sampled, closer where it is low: the same ones wherever a run begins. [Pa]"""
 
 
-def sampled(pressure: Signal, end: float) -> Table:
+def sampled(pressure: Signal, end: float) -> TableSignal:
     """Return a pressure up to `end` [s] as a table whose root is straight between samples to within a thousandth of its change."""
     drawn = pressure.drawn(end)
-    if isinstance(drawn, Table) and drawn.held:
+    if isinstance(drawn, TableSignal) and drawn.held:
         return drawn
     at = drawn.knots(0.0, end)
     level = np.maximum(drawn.at(at), 0.0)
     if isinstance(drawn, Sine):
-        return Table(at, level)
+        return TableSignal(at, level)
     times, values = [at[:1]], [level[:1]]
     for (t0, t1), (p0, p1) in zip(_pairs(at), _pairs(level), strict=True):
         low, high = np.searchsorted(MARKS, [min(p0, p1), max(p0, p1)], side="right")
@@ -58,24 +58,24 @@ def sampled(pressure: Signal, end: float) -> Table:
         part = part[(part != p0) & (part != p1)]
         times += [t0 + (t1 - t0) * (part - p0) / (p1 - p0), np.array([t1])] if part.size else [np.array([t1])]
         values += [part, np.array([p1])] if part.size else [np.array([p1])]
-    return Table(np.concatenate(times), np.concatenate(values))
+    return TableSignal(np.concatenate(times), np.concatenate(values))
 
 
 LEVELS = 12
 """Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
 
 
-def stream(wind: Signal, pressure: Signal, end: float) -> Table:
+def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
     """Return a wind up to `end` [s], as fast as one at one atmosphere with its Reynolds number. [m/s]"""
     thin = Mixed(Thinned(), (wind, pressure))
     if thin.held:
         steps = thin.drawn(end)
-        return steps if isinstance(steps, Table) else Table(np.zeros(1), steps.at(np.zeros(1)), hold=True)
+        return steps if isinstance(steps, TableSignal) else TableSignal(np.zeros(1), steps.at(np.zeros(1)), hold=True)
     parts = [given.drawn(end) for given in (wind, pressure)]
     knots = np.unique(np.concatenate([given.knots(0.0, end) for given in parts]))
     each = 1 if any(isinstance(given, Sine) for given in parts) else PARTS if knots.size < 2000 else 4
     at = np.unique(np.concatenate([np.linspace(a, b, each + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
-    return Table(at, thin.at(at))
+    return TableSignal(at, thin.at(at))
 
 
 @dataclass(frozen=True)
@@ -87,13 +87,13 @@ class Thinned:
         return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
 
 
-def levels_of(given: Table) -> Array:
+def levels_of(given: TableSignal) -> Array:
     """Return speeds from nothing to the fastest (levels,). [m/s]"""
     root = np.sqrt(given.bounds[1]) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
     return np.asarray(root**2)
 
 
-def shares(given: Table, levels: Array) -> list[Table]:
+def shares(given: TableSignal, levels: Array) -> list[TableSignal]:
     """Return how much of each level a wind has in time; a laminar stream goes with the root of its speed. [-]"""
     root = np.sqrt(levels)
     return [given.mapped(partial(_share, root, hat)) for hat in np.eye(levels.size)]
@@ -139,7 +139,7 @@ def vented(inside: Signal, outside: Signal, time_constant: float, where: str) ->
         settled = start - slope * tau  # of the particular solution at a
         p = settled + slope * h + (p - settled) * np.exp(-h / tau)
         values.append(float(p))
-    return Table(times, np.maximum(np.array(values), 0.0), after="hold")
+    return TableSignal(times, np.maximum(np.array(values), 0.0), after="hold")
 
 
 POINTS = np.linspace(200.0, 450.0, 26)

@@ -319,7 +319,7 @@ class Reduced:
     capacitances: Mapping[str, Number | None]
     conductors: tuple[ConductorRow, ...]
     recover: tuple[tuple[str, Mapping[str, Number]], ...]
-    stored: Mapping[str, tuple[str, Store]] = field(default_factory=dict)
+    stored: Mapping[str, tuple[str, HeatStore]] = field(default_factory=dict)
 
     def states(self, temperatures: Mapping[str, Any]) -> list[Any]:
         """Return what the kernel solves for, in the order of `nodes`, from temperatures of all nodes. [K]"""
@@ -336,7 +336,7 @@ def held_in(node: str) -> str:
     return f"{node} enthalpy"
 
 
-def with_stores(reduced: Reduced, stores: Mapping[str, Store]) -> Reduced:
+def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
     """Return a network in which nodes whose specific heat changes hold their heat in a node of constant capacitance beside them."""
     if not stores:
         return reduced
