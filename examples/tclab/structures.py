@@ -114,7 +114,7 @@ def request(source: CampaignSource, which: Candidate, records: Sequence[td.Recor
         record_local=own,
         untie=True,
         loss="soft_l1",
-        knee=KNEE,
+        loss_scale=KNEE,
         name=which.title,
     )
 
@@ -162,7 +162,7 @@ def first_reading(which: Candidate, found: td.Calibration, records: Sequence[td.
         held_bias=found.bias,
         readings={"room": Reading("T1_C", "first_reading")},
         loss="soft_l1",
-        knee=KNEE,
+        loss_scale=KNEE,
         fit_start=False,
     )
     return fit(asked)

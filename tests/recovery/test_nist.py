@@ -61,7 +61,9 @@ class Curve:
         given = {u.name: v for u, v in zip(self.unknowns, b, strict=True)} | {"x": self.x, "z": temperatures}
         return np.asarray(eval(self.model, {"__builtins__": {}}, NAMES | given))
 
-    def compressed(self, fitted: np.ndarray, loss: str = "linear", knee: float = 1.0, meshes: Sequence[np.ndarray] = ()) -> Compressed:
+    def compressed(
+        self, fitted: np.ndarray, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[np.ndarray] = ()
+    ) -> Compressed:
         with np.errstate(all="ignore"):
             # a derivative by an imaginary step has no cancellation (Squire and Trapp, SIAM Rev. 40 (1998) 110)
             steps = fitted.astype(complex)[:, None] + 1j * STEP * np.eye(fitted.size)

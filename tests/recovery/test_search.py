@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from recovery.cases import draw, stack_interfaces
 from thermid.fit.minimisation import Population, evolved
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 
 pytestmark = pytest.mark.recovery
@@ -33,7 +33,7 @@ def test_w4_evolution_alone_reaches_the_optimum_within_one_per_cent(how: str, re
         r.name: td.Scenario(r.name, initial={i.name.removeprefix("initial."): i.value for i in local.local if i.record == r.name})
         for r in records
     }
-    problem = problem_for(Request(BENCH.model, tuple(records), tuple(FREE), scenarios, fit_start=False))
+    problem = build_problem(Request(BENCH.model, tuple(records), tuple(FREE), scenarios, fit_start=False))
     found = evolved(Population.of(problem, "linear", 1.0), how)
     assert 2.0 * found.cost == pytest.approx(local.chi_square, rel=0.01)
 

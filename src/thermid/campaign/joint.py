@@ -17,7 +17,7 @@ from thermid.campaign.cache import recall, remember
 from thermid.errors import IdentificationError, nearest
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.gather import prior_of, problem_for
+from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request, is_glob, matching
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown
@@ -300,7 +300,7 @@ def fit_jointly(
     running = [level for level in levels if level.request.records]
     # every shared path free by itself, and nothing of what stages were told by others
     problems = [
-        problem_for(replace(one.request, free=tuple(shared.paths_in(one)), untie=True, store=Store(), prior=(), priors={}))
+        build_problem(replace(one.request, free=tuple(shared.paths_in(one)), untie=True, store=Store(), prior=(), priors={}))
         for one in running
     ]
     unknowns = _merged(running, problems, shared, done if staged else {})
@@ -315,7 +315,7 @@ def fit_jointly(
         tuple(e.record for e in experiments),
         tuple(u.name for u in unknowns if u.kind == "parameter"),
         loss=table.loss or above.loss,
-        knee=table.knee or above.knee,
+        loss_scale=table.knee or above.loss_scale,
         name=NAME,
         remarks=(*remarks, *uncounted),
         seen={sha: who for c in done.values() for sha, who in c.seen.items()},

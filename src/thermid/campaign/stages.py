@@ -66,7 +66,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         store=store,
         prior=tuple(prior),
         weights=stage.weights,
-        knee=stage.knee,
+        loss_scale=stage.knee,
         untie=stage.untie is True,
         loss=stage.loss,
         search=stage.search,

@@ -14,7 +14,7 @@ from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.inputs import Input, InputTable, inputs_of
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
 from thermid.model.tree.rules import Finding
@@ -122,7 +122,7 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
     wrong: list[Finding] = []
     for record in request.records:
         try:
-            problem = problem_for(replace(request, records=(record,)))
+            problem = build_problem(replace(request, records=(record,)))
             problem.benches()
             rows += inputs_of(request, problem.experiments, problem.unknowns).rows
         except ThermidError as error:

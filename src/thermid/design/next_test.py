@@ -17,7 +17,7 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import role_and_target
-from thermid.fit.problem.gather import prior_of, problem_for
+from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
@@ -516,7 +516,7 @@ def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str
         doubts = {path: size for path, size in doubts.items() if path not in known.split}
         free = (*known.free, *(p for p in doubts if p not in known.free))
         request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
-        problem = doubted(problem_for(request), doubts)
+        problem = doubted(build_problem(request), doubts)
         durations, matrices = _growing(known, problem, doubts)
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)

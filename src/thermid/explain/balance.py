@@ -12,7 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import at_their_seats, attached, meet, role_and_target
+from thermid.fit.problem.experiment import at_their_seats, attached, bind, role_and_target
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.record.steadiness import SteadyPoint
@@ -138,7 +138,7 @@ class _Case:
     def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
         record = at_their_seats(point.record)
         self.model = attached(model, record)[0]
-        experiment = meet(model, record, scenario)
+        experiment = bind(model, record, scenario)
         network, self.base = experiment.network, experiment.scenario
         self.prescribed: list[str] = []
         self.slots: list[tuple[str, str]] = []

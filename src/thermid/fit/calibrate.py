@@ -19,7 +19,7 @@ from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
 from thermid.fit.problem.experiment import UNSAID_NOISE
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, priors_of
 from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
 from thermid.fit.problem.unknowns import Unknown
@@ -31,7 +31,7 @@ from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
-from thermid.measure.amounts import short
+from thermid.measure.amounts import short, some
 from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.identity import identity_of
@@ -225,7 +225,7 @@ def summarise(
 ) -> Calibration:
     """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
     name, total = request.name or request.model.title, known.total
-    origin = f"{name}: {_listed([r.name for r in request.records])}"
+    origin = f"{name}: {some([r.name for r in request.records], 'records')}"
     kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
@@ -245,7 +245,8 @@ def summarise(
     blocks = Predictions(found.sums, problem, found.fitted)
     local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.freedom)
-    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if request.store.states else Moves()
+    handed_on = bool(request.store.states)
+    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
     return Calibration(
         name,
         request.model,
@@ -266,7 +267,7 @@ def summarise(
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
-            *(moved.warnings() if moved else ()),
+            *(moved.warnings() if handed_on else ()),
         ),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
@@ -282,10 +283,6 @@ def summarise(
         rests=rests,
         store=store,
     )
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} records)"
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
@@ -442,7 +439,7 @@ def fit(request: Request, progress: Progress | None = None, known: Mapping[str, 
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, problem_for(request), progress, known)
+    return fit_problem(request, build_problem(request), progress, known)
 
 
 def fit_problem(
@@ -458,28 +455,28 @@ def fit_problem(
 def _fitted(request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
-        found = ended(problem, np.array(list(known.values())), request.loss, request.knee)
+        found = ended(problem, np.array(list(known.values())), request.loss, request.loss_scale)
     else:
         with _units_asked(problem):
             if problem.clocked:
-                problem = with_clocks(problem, request.loss, request.knee)
+                problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
-            found = searched(problem, request.search, request.loss, request.knee, progress)
+            found = searched(problem, request.search, request.loss, request.loss_scale, progress)
             if problem.clocked:
-                problem, found = in_turns(problem, found, request.loss, request.knee, progress)
+                problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
         if not stated:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
-            again = minimise(weighed, request.loss, request.knee, found.fitted, progress)
+            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
     if problem.clocked:
         problem = at_clocks(problem, found.fitted)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
-        again = ended(problem, found.fitted, request.loss, request.knee)
+        again = ended(problem, found.fitted, request.loss, request.loss_scale)
         kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
         found = replace(again, **kept)
-    spread = autocorrelation(problem, found, request.loss, request.knee)
+    spread = autocorrelation(problem, found, request.loss, request.loss_scale)
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     asked = strange_powers(problem)
     found = replace(found, remarks=(*found.remarks, *asked))
@@ -507,8 +504,8 @@ def _units_asked(problem: Problem) -> Iterator[None]:
 
 def _misfit(request: Request) -> float:
     """Return the weighted sum of squares per degree of freedom that one descent from the start leaves. [-]"""
-    problem = problem_for(request)
-    return minimise(problem, request.loss, request.knee).chi_square / max(problem.freedom, 1.0)
+    problem = build_problem(request)
+    return minimise(problem, request.loss, request.loss_scale).chi_square / max(problem.freedom, 1.0)
 
 
 def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:

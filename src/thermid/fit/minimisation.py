@@ -44,7 +44,7 @@ class LeastSquares(Protocol):
         """How many readings there are."""
         ...
 
-    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
         """Return the weighted residuals of all data with their derivatives."""
         ...
 
@@ -101,9 +101,9 @@ class _Search:
     """What `least_squares` asks for; residuals and derivatives come from one run, all runs on the steps of one among them."""
 
     def __init__(
-        self, problem: LeastSquares, loss: str, knee: float, progress: Callable[[int, float], None] | None, done: float = DONE
+        self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None, done: float = DONE
     ) -> None:
-        self.problem, self.loss, self.knee, self.progress, self.done = problem, loss, knee, progress, done
+        self.problem, self.loss, self.loss_scale, self.progress, self.done = problem, loss, loss_scale, progress, done
         self.count = 0
         self.fine = False
         self.scale = np.array([u.scale for u in problem.unknowns])
@@ -120,14 +120,14 @@ class _Search:
         """
         if self._settled is not None and (np.abs(x - self._settled) < NEAR * self.scale).all():
             return
-        found = self.problem.compressed(x, self.loss, self.knee)
+        found = self.problem.compressed(x, self.loss, self.loss_scale)
         self._known, self._meshes, self._settled = {x.tobytes(): found}, found.meshes, x
 
     def at(self, x: Array) -> Compressed:
         """Return the residuals at some values; the latest two sets of values are remembered."""
         key = x.tobytes()
         if key not in self._known:
-            found = self.problem.compressed(x, self.loss, self.knee, self._meshes)
+            found = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
             self._known = dict([*self._known.items()][-1:]) | {key: found}
         return self._known[key]
 
@@ -163,7 +163,7 @@ class _Search:
 def minimise(
     problem: LeastSquares,
     loss: str = "linear",
-    knee: float = 1.0,
+    loss_scale: float = 1.0,
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
@@ -174,7 +174,7 @@ def minimise(
     ----------
     problem : LeastSquares
     loss : str              linear, soft_l1, huber or cauchy, on residuals in units of the noise; priors stay quadratic.
-    knee : float            Residual, in units of the noise, from which the loss bends.
+    loss_scale : float      Residual, in units of the noise, from which the loss bends.
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
     done : float            The search ends once the step ahead is below this part of a standard error. [-]
@@ -189,10 +189,10 @@ def minimise(
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
-        return ended(problem, at, loss, knee, message="nothing was free")
+        return ended(problem, at, loss, loss_scale, message="nothing was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
-    search = _Search(problem, loss, knee, progress, done)
+    search = _Search(problem, loss, loss_scale, progress, done)
     for fine in (False, True):
         search.fine = fine
         search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
@@ -227,13 +227,13 @@ def ended(
     problem: LeastSquares,
     fitted: Array,
     loss: str = "linear",
-    knee: float = 1.0,
+    loss_scale: float = 1.0,
     evaluations: int = 1,
     message: str = "taken as it was",
     converged: bool = True,
 ) -> Fit:
     """Return the fit that ended at some values of the unknowns, with its derivatives."""
-    return _fit_at(problem, fitted, problem.compressed(fitted, loss, knee), evaluations, message, converged)
+    return _fit_at(problem, fitted, problem.compressed(fitted, loss, loss_scale), evaluations, message, converged)
 
 
 def _fit_at(problem: LeastSquares, fitted: Array, data: Compressed, evaluations: int, message: str, converged: bool) -> Fit:
@@ -280,24 +280,24 @@ class Population:
     ----------
     problem : Problem
     loss : str                  linear, soft_l1, huber or cauchy.
-    knee : float                Residual, in units of the noise, from which the loss bends.
+    loss_scale : float          Residual, in units of the noise, from which the loss bends.
     at : array (parameters,)    Positions of the parameters among the unknowns.
     low, high : array           Corners of the box, in the fitted form.
     """
 
     problem: Problem
     loss: str
-    knee: float
+    loss_scale: float
     at: NDArray[np.int64]
     low: Array
     high: Array
 
     @classmethod
-    def of(cls, problem: Problem, loss: str, knee: float) -> Population:
+    def of(cls, problem: Problem, loss: str, loss_scale: float) -> Population:
         """Return the population of a problem."""
         at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
         corners = np.array([box_of(problem.unknowns[k]) for k in at]).reshape(-1, 2)
-        return cls(problem, loss, knee, at, corners[:, 0], corners[:, 1])
+        return cls(problem, loss, loss_scale, at, corners[:, 0], corners[:, 1])
 
     @property
     def start(self) -> Array:
@@ -328,7 +328,7 @@ class Population:
             for o in seen:
                 bias, _ = self.problem._bias(o.sensor, points[0])
                 residuals = (o.measured[:, None] - found.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
-                cost += loss_of(residuals**2, self.loss, self.knee)[0].sum(axis=0)
+                cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
         return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
 
 
@@ -347,7 +347,7 @@ def box_of(unknown: Unknown) -> tuple[float, float]:
     return low, high if math.isfinite(high) else max(middle + reach, low + reach)
 
 
-def searched(problem: Problem, how: str, loss: str, knee: float, progress: Progress | None = None) -> Fit:
+def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress: Progress | None = None) -> Fit:
     """Return the best fit that a search finds, all of its evaluations counted.
 
     Parameters
@@ -356,7 +356,7 @@ def searched(problem: Problem, how: str, loss: str, knee: float, progress: Progr
     how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
                             ``auto``: these only where the first descent ends at a bound, unfinished, or with residuals of more than twice
                             the stated noise. ``differential evolution`` and ``cma``: a population over the box, then one descent.
-    loss, knee, progress    As in `minimise`.
+    loss, loss_scale, progress    As in `minimise`.
 
     Raises
     ------
@@ -365,15 +365,15 @@ def searched(problem: Problem, how: str, loss: str, knee: float, progress: Progr
     """
     if how not in SEARCHES:
         raise IdentificationError(f"there is no search '{how}'; there are {', '.join(SEARCHES)}.{nearest(how, SEARCHES)}")
-    population = Population.of(problem, loss, knee)
+    population = Population.of(problem, loss, loss_scale)
     if not population.at.size or how == "local":
-        return minimise(problem, loss, knee, progress=progress)
+        return minimise(problem, loss, loss_scale, progress=progress)
     if how in ("differential evolution", "cma"):
         found = evolved(population, how)
-        end = minimise(problem, loss, knee, population.placed(found.share[None, :])[0], progress)
+        end = minimise(problem, loss, loss_scale, population.placed(found.share[None, :])[0], progress)
         words = f"{how}: {found.evaluations} members, cost {found.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
         return replace(end, evaluations=end.evaluations + found.evaluations, search=words)
-    first = minimise(problem, loss, knee, progress=progress)
+    first = minimise(problem, loss, loss_scale, progress=progress)
     why = doubts(problem, first) if how == "auto" else "as asked"
     return _descended(population, first, why, progress) if why else first
 
@@ -417,7 +417,7 @@ def _descended(population: Population, first: Fit, why: str, progress: Progress 
             continue
         taken.append(shares[k])
         try:
-            ends.append(minimise(problem, population.loss, population.knee, population.placed(shares[k : k + 1])[0], progress))
+            ends.append(minimise(problem, population.loss, population.loss_scale, population.placed(shares[k : k + 1])[0], progress))
         except SolverError:
             continue
         count += ends[-1].evaluations

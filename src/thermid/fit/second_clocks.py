@@ -20,7 +20,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
 from thermid.fit.minimisation import Fit, covariances, minimise
 from thermid.fit.problem.experiment import OFFSET, Ticks
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 OFFSETS, RATES, ROUNDS = 25, 5, 5
 
 
-def with_clocks(problem: Problem, loss: str, knee: float, fitted: Array | None = None) -> Problem:
+def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | None = None) -> Problem:
     """Return a problem whose second clocks start where a grid over their ranges fits best, all other unknowns as they are.
 
     Raises
@@ -46,9 +46,9 @@ def with_clocks(problem: Problem, loss: str, knee: float, fitted: Array | None =
     for i, experiment in enumerate(problem.experiments):
         if experiment.ticks is None:
             continue
-        found = [(_cost(problem, i, there, loss, knee), there) for there in _grid(problem, i, at, experiment.ticks)]
+        found = [(_cost(problem, i, there, loss, loss_scale), there) for there in _grid(problem, i, at, experiment.ticks)]
         if fitted is not None:
-            found.append((_cost(problem, i, at, loss, knee), at))
+            found.append((_cost(problem, i, at, loss, loss_scale), at))
         cost, at = min(found, key=lambda pair: pair[0])
         if not np.isfinite(cost):
             raise IdentificationError(
@@ -57,17 +57,19 @@ def with_clocks(problem: Problem, loss: str, knee: float, fitted: Array | None =
     return at_clocks(problem, at)
 
 
-def in_turns(problem: Problem, found: Fit, loss: str, knee: float, progress: Callable[[int, float], None] | None) -> tuple[Problem, Fit]:
+def in_turns(
+    problem: Problem, found: Fit, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None
+) -> tuple[Problem, Fit]:
     """Return the problem and the end of its fit after the grid was looked at again with the fitted values, as long as that gains."""
     for _ in range(ROUNDS):
-        moved = with_clocks(problem, loss, knee, found.fitted)
+        moved = with_clocks(problem, loss, loss_scale, found.fitted)
         at = found.fitted.copy()
         for i in range(len(problem.experiments)):
             for k, _name in moved.ticking(i):
                 at[k] = moved.unknowns[k].start
         if np.array_equal(at, found.fitted):
             return problem, found
-        again = minimise(moved, loss, knee, at, progress)
+        again = minimise(moved, loss, loss_scale, at, progress)
         again = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
         if again.cost >= found.cost:
             return problem, found
@@ -102,13 +104,13 @@ def _grid(problem: Problem, i: int, fitted: Array, ticks: Ticks) -> Iterator[Arr
         yield point
 
 
-def _cost(problem: Problem, i: int, fitted: Array, loss: str, knee: float) -> float:
+def _cost(problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float) -> float:
     """Return the loss of one record's residuals; infinite where it cannot be run."""
     try:
-        z = np.concatenate([b.residuals / b.noise for b in problem.blocks_of(i, fitted)])
+        z = np.concatenate([b.weighted for b in problem.blocks_of(i, fitted)])
     except (ScenarioError, SolverError):
         return float("inf")
-    return float(loss_of(z**2, loss, knee)[0].sum())
+    return float(loss_of(z**2, loss, loss_scale)[0].sum())
 
 
 KEPT = 8
@@ -176,7 +178,7 @@ class Clocked:
             record = self.first.joined(self.second, *at)
             specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in self.local.items()}
             request = Request(self.model, (record,), (), {"*": self.scenario} if self.scenario else {}, specs, fit_start=False)
-            plain = problem_for(request)
+            plain = build_problem(request)
             return replace(plain, noise=plain.noise | self.noise, experiments=(self._switched(plain, late),))
 
         return self.memo.made((*at, late), made, KEPT)
@@ -226,7 +228,7 @@ class Clocked:
     @staticmethod
     def weighted(problem: Problem, rest: Array) -> Array:
         """Return measured less predicted in units of the noise (samples,), sensor by sensor."""
-        return np.concatenate([b.residuals / b.noise for b in problem.blocks(rest)])
+        return np.concatenate([b.weighted for b in problem.blocks(rest)])
 
     def blocks(self, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor."""
@@ -255,7 +257,7 @@ class Clocked:
         """How many readings there are."""
         return self.problem(self.clock(np.array([u.start for u in self.unknowns]))).samples
 
-    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
         """Return the weighted residuals with their derivatives, made into a triangle.
 
         Raises
@@ -266,7 +268,7 @@ class Clocked:
             blocks, full = self.blocks(fitted), self.slopes(fitted)
         except RecordError as error:
             raise SolverError(error.message, error.where) from None
-        rows, slopes, square, sums = as_triangle(blocks, full, loss, knee)
+        rows, slopes, square, sums = as_triangle(blocks, full, loss, loss_scale)
         return Compressed(rows, slopes, square, tuple(sums), ())
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
@@ -280,11 +282,11 @@ class Clocked:
         return found.chi_square
 
     def pieces(self, fitted: Array) -> dict[tuple[str, str], Binned]:
-        """Return (record, sensor) -> its residuals in stretches of time, as `wander` looks at them."""
+        """Return (record, sensor) -> its residuals in stretches of time, as `autocorrelation` looks at them."""
         slopes, at, out = self.slopes(fitted), 0, {}
         observations = self.problem(self.clock(fitted)).experiments[0].observations
         for block, o in zip(self.blocks(fitted), observations, strict=True):
-            z, own = block.residuals / block.noise, slopes[at : at + block.times.size]
+            z, own = block.weighted, slopes[at : at + block.times.size]
             at += z.size
             edges = block.times if z.size <= 2 * BINS else np.linspace(block.times[0], block.times[-1], BINS + 1)[:-1]
             place = np.searchsorted(edges, block.times, side="right") - 1

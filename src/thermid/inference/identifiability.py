@@ -15,7 +15,7 @@ from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import Calibration
 from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.experiment import Experiment
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown, starting_point
@@ -349,7 +349,7 @@ def identifiability(
 
 def identifiability_of(request: Request, stage: str = "before", tell: float = TELL) -> Identifiability:
     """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
-    problem = problem_for(request)
+    problem = build_problem(request)
     start = starting_point(problem.unknowns)
     found = _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
     return replace(found, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))

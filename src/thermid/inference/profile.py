@@ -51,9 +51,9 @@ class Held(Problem):
         out[self.kept] = fitted
         return out
 
-    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: object = ()) -> Compressed:
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: object = ()) -> Compressed:
         """Return the residuals of the whole with the derivatives of what is looked for."""
-        found = self.whole.compressed(self.full(fitted), loss, knee, meshes)  # type: ignore[arg-type]
+        found = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
         rows, slopes = found.rows / self.spread, found.slopes[:, self.kept] / self.spread
         return replace(found, rows=rows, slopes=slopes, chi_square=found.chi_square / self.spread**2)
 
@@ -194,9 +194,9 @@ class _Walk:
 
     def __init__(self, fit: Calibration, problem: Problem, k: int, at: Array, spread: float, threshold: float) -> None:
         request = fit.request
-        self.loss, self.knee = (request.loss, request.knee) if request is not None else ("linear", 1.0)
+        self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
         self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
-        whole = minimise(Held.of(problem, at, (), spread), self.loss, self.knee, at)
+        whole = minimise(Held.of(problem, at, (), spread), self.loss, self.loss_scale, at)
         self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
         u: Unknown = problem.unknowns[k]
         self.step = fit.values[u.name].error / u.slope(self.best)
@@ -209,7 +209,7 @@ class _Walk:
         values = start.copy()
         values[self.k] = x
         held = Held.of(self.problem, values, (self.k,), self.spread)
-        found = minimise(held, self.loss, self.knee, values[held.kept])
+        found = minimise(held, self.loss, self.loss_scale, values[held.kept])
         return max(0.0, 2.0 * (found.cost - self.cost)), held.full(found.fitted)
 
     def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import floor, isfinite, log10
 
 from thermid.errors import RecordError, ThermidError
@@ -87,3 +88,12 @@ def short(number: float, digits: int = 2) -> str:
     """
     text = f"{number:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e7 else text
+
+
+def some(names: Sequence[str], noun: str) -> str:
+    """Return up to four names; of more the first, the last and how many.
+
+    >>> some(["a", "b", "c", "d", "e"], "records")
+    'a ... e (5 records)'
+    """
+    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} {noun})"

@@ -22,7 +22,7 @@ from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
-from thermid.model.tree.tree import Tree
+from thermid.model.tree.model import Model
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import TRACE, Media, refuse_unsaid, traced
 from thermid.network.rows import ConductorRow, LoadRow
@@ -259,12 +259,12 @@ def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, An
 
 
 @takes_objects
-def compile_network(model: Tree, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
+def compile_network(model: Model, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
     """Return a model compiled to a network.
 
     Parameters
     ----------
-    model : Tree                The tree.
+    model : Model               The tree.
     media : Media               The state of each gas; where none is given one atmosphere, without asking what surfaces say of it.
     prescribed : iterable       Nodes that are driven by a given temperature instead of their own balance.
 

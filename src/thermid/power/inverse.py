@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
@@ -89,7 +89,7 @@ def power_history(
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
     base = WIDE * max(abs(float(nominal)), 1.0)
     asked, basis = _asked(model, record, path, scenario, free, priors, knots)
-    problem = problem_for(asked)
+    problem = build_problem(asked)
     hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
     problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
     found = solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))

@@ -1,6 +1,6 @@
-"""Test profiles and ascents run on a model.
+"""Test profiles run on a model.
 
-In: a model and a `ThermalProfile`, or the run of an ascent. Out: a `ProfileRun`: phases with their durations, each dwell beginning when the
-unit is stable, and what a reader must know of it; dew points where it is asked for; the limits of an ascent, checked.
+In: a model and a `ThermalProfile`. Out: a `ProfileRun`: phases with their durations, each dwell beginning when the unit is stable, and what
+a reader must know of it; what humidity does where it is asked for, by the optional part of sites and moisture.
 May import: `sourced`, `profiles` and the rooms below a fit.
 """

@@ -20,8 +20,7 @@ from thermid.extensions import extension
 from thermid.measure.amounts import duration_text
 from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.memo import Memo
-from thermid.model.deck.schema import Table
-from thermid.model.laws.signal import Constant, Signal, literal, multiplied
+from thermid.model.laws.signal import Constant, Signal, TableSignal, literal, multiplied
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.network import compile_network
@@ -115,7 +114,7 @@ def _straight(times: tuple[float, ...], values: list[float]) -> Signal:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)
     keep = np.append(np.diff(t) > 0.0, True)
-    return Table(t[keep], v[keep], after="hold")
+    return TableSignal(t[keep], v[keep], after="hold")
 
 
 def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
@@ -125,7 +124,7 @@ def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
     keep = np.append(np.diff(t) > 0.0, True)
     t, v = t[keep], v[keep]
     change = np.append(True, np.diff(v) != 0.0)
-    return Table(t[change], v[change], hold=True)
+    return TableSignal(t[change], v[change], hold=True)
 
 
 def _by_factors(times: tuple[float, ...], values: list[float], ground: float) -> Signal:
@@ -139,7 +138,7 @@ def _by_factors(times: tuple[float, ...], values: list[float], ground: float) ->
         share = np.arange(1, points + 1) / points
         t += (times[k - 1] + share * (times[k] - times[k - 1])).tolist()
         p += (values[k - 1] * (values[k] / values[k - 1]) ** share).tolist()
-    return Table(np.array([*t, times[-1] + 2.0 * TAIL, times[-1] + 3.0 * TAIL]), np.array([*p, values[-1], ground]))
+    return TableSignal(np.array([*t, times[-1] + 2.0 * TAIL, times[-1] + 3.0 * TAIL]), np.array([*p, values[-1], ground]))
 
 
 @dataclass(frozen=True)

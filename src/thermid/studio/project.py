@@ -18,7 +18,7 @@ from thermid.campaign.stages import Campaign, keyed, request_of
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.knowledge.sources import LeftOut
 from thermid.knowledge.store import State, Store, ValueOrigin
@@ -192,7 +192,7 @@ class Project:
         model = desk.fixed_at(values, free)
         asked = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=known)
         starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
-        problem = problem_for(asked)
+        problem = build_problem(asked)
         begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
         return fit_problem(asked, replace(problem, unknowns=begun), told)
 
@@ -216,7 +216,7 @@ class Project:
             found = self.done[name]
             return Desk(name, found.model, found.problem, () if found.problem is not None else self.scenarios(found.model), found)
         request = self._request(name)
-        return Desk(name, request.model, problem_for(request))
+        return Desk(name, request.model, build_problem(request))
 
     def scenarios(self, model: Model) -> tuple[Scenario, ...]:
         """Return the scenarios that lie beside the file and fit a model of it, the plainest one where there is none."""

@@ -38,7 +38,7 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "weights": ({"T": 2.0}, "free and fixed"),
     "untie": (True, "cuts"),
     "loss": ("huber", "free and fixed"),
-    "knee": (2.0, "free and fixed"),
+    "loss_scale": (2.0, "free and fixed"),
     "search": ("multistart", "free and fixed"),
     "window": (60.0, "scenario"),
     "readings": ({"initial.case": Reading("T")}, "scenario"),

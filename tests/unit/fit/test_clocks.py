@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, RecordError
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.model.laws.signal import TableSignal
 
@@ -280,7 +280,7 @@ def test_a_verdict_finds_the_clock_of_its_record() -> None:
 
 def test_derivatives_of_a_clock_are_those_of_the_residuals() -> None:
     request = Request(BOX, (open_clock(130.0, 1.08),), ("out.conductance",), {"*": AIR})
-    problem = problem_for(request)
+    problem = build_problem(request)
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     found = problem.compressed(at)
     # rows and slopes hold all that the full residuals say

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Predictions, Problem, Sums, pooled
 from thermid.fit.uncertainty.information import EXACT
@@ -30,7 +30,7 @@ def in_full(problem: Problem, at: np.ndarray) -> np.ndarray:
 
 def check(request: Request, loss: str = "linear", knee: float = 1.0, tolerance: float = 1e-10) -> Problem:
     """Compare at the start, moved a little so that a constant error of zero or a factor of one hides nothing."""
-    problem = problem_for(request)
+    problem = build_problem(request)
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     at = at + 0.03 * np.array([u.scale if u.kind != "local" else 1.0 for u in problem.unknowns])
     few, r, j = problem.compressed(at, loss, knee), in_full(problem, at), problem.jacobian(at)
@@ -101,7 +101,7 @@ def test_a_steady_start() -> None:
 
 def test_nothing_free() -> None:
     data = log(box(), {}, {"T": "case"}, samples=41)
-    problem = problem_for(Request(box(), (data,), fit_start=False))
+    problem = build_problem(Request(box(), (data,), fit_start=False))
     few = problem.compressed(np.zeros(0))
     assert few.slopes.shape == (1, 0)
     assert few.rows @ few.rows == pytest.approx(np.sum(problem.residuals(np.zeros(0)) ** 2), rel=1e-12)
@@ -109,7 +109,7 @@ def test_nothing_free() -> None:
 
 def test_a_product_of_two_parameters_is_one_direction_to_rounding() -> None:
     data = log(box(), {}, {"T": "case"}, samples=301)
-    problem = replace(problem_for(Request(box(), (data,), (HTC, "skin.area"))), options=EXACT)
+    problem = replace(build_problem(Request(box(), (data,), (HTC, "skin.area"))), options=EXACT)
     rows = problem.compressed(np.array([u.to_fitted(u.start) for u in problem.unknowns])).slopes
     s = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), compute_uv=False)
     assert s[-1] < 1e-10 * s[0]
@@ -120,7 +120,7 @@ def test_as_many_rows_for_any_number_of_samples() -> None:
     data = log(box(), {}, {"T": "case"}, accuracy=0.5, samples=18001)
 
     def rows(record: Record) -> int:
-        problem = problem_for(Request(box(), (record,), (HTC,)))
+        problem = build_problem(Request(box(), (record,), (HTC,)))
         return problem.compressed(np.array([u.to_fitted(u.start) for u in problem.unknowns])).rows.size
 
     # HTC, start and the sensor's error, and one more

@@ -173,11 +173,11 @@ class TestWhatIsQuestioned:
     @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
     def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:
         """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
-        from thermid.fit.problem.gather import problem_for
+        from thermid.fit.problem.gather import build_problem
 
         data = log(box(), {}, {"T": "case"})
         power = td.Channel.of("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
-        problem = problem_for(Request(box(), (data.with_channels(power),), (HTC,)))
+        problem = build_problem(Request(box(), (data.with_channels(power),), (HTC,)))
         assert bool(strange_powers(problem)) is asked
 
     def test_a_constant_error_is_worth_a_word_from_a_twentieth_of_the_variance_on(self) -> None:

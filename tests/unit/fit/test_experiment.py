@@ -10,7 +10,7 @@ import pytest
 
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.experiment import first_reading, meet
+from thermid.fit.problem.experiment import bind, first_reading
 from thermid.measure import Channel, Record, read_record
 from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.tree.model import Model
@@ -39,7 +39,7 @@ def bound(record: Record, **changes: str | None) -> Record:
 
 def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record) -> None:
     watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="heat")
-    found = meet(model, bound(record, T="case", ROOM="air").with_channels(watts))
+    found = bind(model, bound(record, T="case", ROOM="air").with_channels(watts))
     assert [(o.sensor, o.node) for o in found.observations] == [("T", "case")]
     assert isinstance(found.scenario.boundaries["air"], TableSignal)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 3.0)
@@ -49,7 +49,7 @@ def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record)
 def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: Record) -> None:
     times = record.times
     named = Record.from_arrays("r", times, {"case": record["T"].values, "air": record["ROOM"].values})
-    found = meet(model, named)
+    found = bind(model, named)
     assert found.observations[0].node == "case"
     assert "air" in found.scenario.boundaries
 
@@ -57,16 +57,16 @@ def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: R
 def test_an_alias_leads_to_the_canonical_path() -> None:
     stack = pair()
     record = log(stack, {}, {"T": "a.case"}, boundary="room", samples=31)
-    found = meet(stack, bound(record, T="node:first.case"))
+    found = bind(stack, bound(record, T="node:first.case"))
     assert found.observations[0].node == "a.case"
 
 
 def test_command_and_gain_drive_a_load(model: Model, record: Record) -> None:
     duty = Channel.of("Q", np.linspace(0, 1, 31), quantity="command", role="command", target="heat")
-    plain = meet(model, record.with_channels(duty))
+    plain = bind(model, record.with_channels(duty))
     assert plain.scenario.commands["heat"].hold
     assert plain.scenario.gains == {}
-    geared = meet(model, record.with_channels(replace(duty, role="load", gain="power")))
+    geared = bind(model, record.with_channels(replace(duty, role="load", gain="power")))
     assert geared.scenario.gains == {"heat": "power"}
     assert geared.scenario.loads == {}
 
@@ -82,23 +82,23 @@ def test_command_and_gain_drive_a_load(model: Model, record: Record) -> None:
 )
 def test_a_wrong_role_is_refused(model: Model, record: Record, change: dict[str, str], words: str) -> None:
     with pytest.raises(RecordError, match=words):
-        meet(model, bound(record, **change))
+        bind(model, bound(record, **change))
 
 
 def test_an_unknown_target_names_the_nearest(model: Model, record: Record) -> None:
     with pytest.raises(NameNotFoundError, match=r"bench, T: no node 'cse'.*Did you mean 'case'"):
-        meet(model, bound(record, T="cse"))
+        bind(model, bound(record, T="cse"))
 
 
 def test_a_record_must_observe_a_node(model: Model, record: Record) -> None:
     with pytest.raises(RecordError, match=r"bench: no channel observes a node of Box; there is nothing to compare"):
-        meet(model, record.select("ROOM"))
+        bind(model, record.select("ROOM"))
 
 
 def test_a_power_is_no_temperature(model: Model, record: Record) -> None:
     watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="case")
     with pytest.raises(RecordError, match=r"'case' is a node of Box, but the channel holds a power"):
-        meet(model, record.select("ROOM").with_channels(watts))
+        bind(model, record.select("ROOM").with_channels(watts))
 
 
 def test_a_load_read_without_a_unit_is_not_taken_for_degrees(tmp_path: Path, model: Model) -> None:
@@ -107,8 +107,8 @@ def test_a_load_read_without_a_unit_is_not_taken_for_degrees(tmp_path: Path, mod
     file.write_text("time_s,T,P\n0,24,4\n60,24.1,4\n120,24.3,4\n")
     air = Scenario("x", boundaries={"air": "24 [degC]"})
     with pytest.raises(RecordError, match=r"'heat' is a load of Box, but the channel holds a temperature\. Bind it with load = 'heat'"):
-        meet(model, read_record(file, {"case": "T", "heat": "P"}, time="time_s"), air)
-    found = meet(model, read_record(file, {"case": "T", "P": {"load": "heat"}}, time="time_s"), air)
+        bind(model, read_record(file, {"case": "T", "heat": "P"}, time="time_s"), air)
+    found = bind(model, read_record(file, {"case": "T", "P": {"load": "heat"}}, time="time_s"), air)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 4.0)
 
 
@@ -123,14 +123,14 @@ def test_first_readings_are_medians_over_the_window_of_valid_samples(record: Rec
 
 def test_times_count_from_the_first_sample(model: Model, record: Record) -> None:
     late = replace(record, times=record.times + 86400.0)
-    one, two = meet(model, record), meet(model, late)
+    one, two = bind(model, record), bind(model, late)
     np.testing.assert_allclose(two.times, one.times)
     np.testing.assert_allclose(two.scenario.boundaries["air"].times, one.scenario.boundaries["air"].times)
     assert two.scenario.seconds == one.scenario.seconds
 
 
 def test_masked_samples_are_no_observations(model: Model, record: Record) -> None:
-    found = meet(model, record.mask("T", 600.0, 1800.0))
+    found = bind(model, record.mask("T", 600.0, 1800.0))
     kept = found.times[found.observations[0].index]
     assert not np.any((kept >= 600.0) & (kept <= 1800.0))
     assert kept.size == found.observations[0].measured.size == 31 - 3
@@ -140,7 +140,7 @@ class TestStarts:
     def test_measured(self) -> None:
         stack = pair()
         record = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=31, start="30 [degC]")
-        found = meet(stack, record, Scenario("s", start="measured"))
+        found = bind(stack, record, Scenario("s", start="measured"))
         assert found.loose == ("a.case", "b.case")
         assert found.scenario.initial["a.case"] == first_reading(record, "A")
         assert found.scenario.start == pytest.approx(np.mean([first_reading(record, n) for n in "AB"]), rel=1e-15)
@@ -148,12 +148,12 @@ class TestStarts:
     def test_nothing_given_with_one_boundary_starts_the_rest_there(self) -> None:
         stack = pair()
         record = log(stack, {}, {"A": "a.case"}, boundary="room", samples=31)
-        found = meet(stack, record)
+        found = bind(stack, record)
         assert found.loose == ("a.case",)
         assert found.scenario.start == ""
 
     def test_boundary(self, model: Model, record: Record) -> None:
-        found = meet(model, record, Scenario("s", start="air"))
+        found = bind(model, record, Scenario("s", start="air"))
         assert found.loose == ()
         assert found.scenario.start == "air"
         assert found.scenario.initial == {}
@@ -165,12 +165,12 @@ class TestStarts:
         assert found.local == ()
 
     def test_a_channel_by_name(self, model: Model, record: Record) -> None:
-        found = meet(model, record, Scenario("s", start="ROOM"))
+        found = bind(model, record, Scenario("s", start="ROOM"))
         assert found.readings == {"case": "ROOM"}
         assert found.scenario.initial["case"] == first_reading(record, "ROOM")
 
     def test_one_node_by_a_channel(self, model: Model, record: Record) -> None:
-        found = meet(model, record, Scenario("s", initial={"case": "T"}))
+        found = bind(model, record, Scenario("s", initial={"case": "T"}))
         assert found.readings == {"case": "T"}
         assert found.loose == ()
 
@@ -203,7 +203,7 @@ class TestConstantErrorsOfInstruments:
 
     def test_pauses_do_not_make_a_meter_worse(self, model: Model) -> None:
         watts = np.where(np.arange(301) % 100 < 20, 4.0, 0.0)
-        found = meet(model, metered(log(model, {}, {"T": "case"}), "heat", watts, accuracy=0.04))
+        found = bind(model, metered(log(model, {}, {"T": "case"}), "heat", watts, accuracy=0.04))
         assert found.shared["METER"] == ("scale.heat", pytest.approx(0.01))
 
     def test_a_logged_boundary_has_no_local_value(self, model: Model, record: Record) -> None:
@@ -213,12 +213,12 @@ class TestConstantErrorsOfInstruments:
 
 
 def test_the_logged_boundary_wins_over_the_scenario(model: Model, record: Record) -> None:
-    found = meet(model, record, Scenario("s", boundaries={"air": "0 [degC]"}))
+    found = bind(model, record, Scenario("s", boundaries={"air": "0 [degC]"}))
     np.testing.assert_allclose(found.scenario.boundaries["air"].values, room(record.times), rtol=1e-15)
 
 
 def test_what_the_log_does_not_say_comes_from_the_scenario(model: Model, record: Record) -> None:
-    found = meet(model, record.select("T"), Scenario("s", boundaries={"air": "24 [degC]"}))
+    found = bind(model, record.select("T"), Scenario("s", boundaries={"air": "24 [degC]"}))
     assert found.scenario.boundaries["air"] == Constant(ICE + 24.0)
 
 

@@ -12,7 +12,7 @@ import pytest
 from thermid.errors import IdentificationError, RecordError, SolverError
 from thermid.fit.calibrate import calibrate, fit, summarise
 from thermid.fit.minimisation import covariances, ended, minimise
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.refusals import refuse_after
 from thermid.fit.uncertainty.information import responses
@@ -62,7 +62,7 @@ def test_covariance_is_that_of_the_linear_problem() -> None:
 
 def test_a_direction_without_readings_has_no_finite_error() -> None:
     data = log(box(), {}, {"T": "case"}).trim(0.0, 60.0)
-    problem = problem_for(Request(box(), (data,), (HTC, MASS)))
+    problem = build_problem(Request(box(), (data,), (HTC, MASS)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     total, _, _ = covariances(ended(problem, at))
     assert problem.samples < len(problem.unknowns)
@@ -126,7 +126,7 @@ class TestRobust:
     @pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy"])
     def test_the_end_is_a_minimum_of_the_stated_cost(self, loss: str) -> None:
         data = spoiled(log(box(), {}, {"T": "case"}, samples=101))
-        problem = problem_for(Request(box(), (data,), (HTC, MASS)))
+        problem = build_problem(Request(box(), (data,), (HTC, MASS)))
         knee = 1.5
         found = minimise(problem, loss, knee)
 
@@ -152,7 +152,7 @@ class TestRobust:
     @pytest.mark.parametrize("knee", [1.0, 2.5])
     def test_rows_beyond_the_knee_weigh_less(self, knee: float) -> None:
         data = spoiled(log(box(), {}, {"T": "case"}, samples=101))
-        problem = problem_for(Request(box(), (data,), (HTC, MASS)))
+        problem = build_problem(Request(box(), (data,), (HTC, MASS)))
         at = minimise(problem, "huber", knee).fitted
         robust = ended(problem, at, "huber", knee)
         size = np.abs(problem.residuals(at))
@@ -240,7 +240,7 @@ class TestRefusals:
     def test_wider_is_one_standard_error_either_side_against_the_width(self, error: float, refused: bool) -> None:
         # ln(20/1) = 2.996
         request = Request(box(), (log(box(), {}, {"T": "case"}, samples=11),), (HTC,))
-        problem = problem_for(request)
+        problem = build_problem(request)
         found = ended(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
         total = np.diag([error**2, 1.0])
         if refused:
@@ -294,7 +294,7 @@ class TestWarnings:
 
     def test_a_fit_that_did_not_converge_says_so(self) -> None:
         data = log(box(), {}, {"T": "case"}, samples=31)
-        problem = problem_for(Request(box(), (data,), (HTC,)))
+        problem = build_problem(Request(box(), (data,), (HTC,)))
         at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
         stopped = ended(problem, at, message="nothing left", converged=False)
         request = Request(box(), (data,), (HTC,))

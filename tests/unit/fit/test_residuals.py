@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import FAILED, Problem, loss_of
 from thermid.fit.problem.unknowns import Unknown
@@ -36,7 +36,7 @@ def slopes(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check(request: Request, names: set[str]) -> None:
-    problem = replace(problem_for(request), options=EXACT)
+    problem = replace(build_problem(request), options=EXACT)
     assert {u.name for u in problem.unknowns} == names
     exact, differences = slopes(problem)
     size = np.abs(differences).max(axis=0)
@@ -112,7 +112,7 @@ def test_a_sensor_on_which_everything_stands_has_no_error_that_shows() -> None:
     model = box({"parameters/lift": "0.5 [K]"})
     data = log(model, {}, {"T": "case"}, accuracy=0.5, samples=41, start="30 [degC]").select("T")
     readings = {"air": Reading("T", "lift"), "initial.case": Reading("T")}
-    problem = replace(problem_for(Request(model, (data,), (HTC, "lift"), readings=readings)), options=EXACT)
+    problem = replace(build_problem(Request(model, (data,), (HTC, "lift"), readings=readings)), options=EXACT)
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     column = problem.jacobian(at)[:, [u.name for u in problem.unknowns].index("sensor T")]
     assert column == pytest.approx(0.0, abs=1e-6)
@@ -141,7 +141,7 @@ def test_several_records_share_and_have_their_own() -> None:
     data = tuple(log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41, name=n, seed=k) for k, n in enumerate("ab"))
     request = Request(box(), data, (HTC,))
     check(request, {HTC, "sensor T", "a: initial.case", "b: initial.case"})
-    problem = problem_for(request)
+    problem = build_problem(request)
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     jacobian = problem.jacobian(at)
     own = [u.name for u in problem.unknowns].index("a: initial.case")
@@ -152,7 +152,7 @@ def test_several_records_share_and_have_their_own() -> None:
 def test_masked_samples_leave_their_rows_out() -> None:
     stack = pair()
     data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=41).mask("A", 0.0, 3600.0)
-    problem = problem_for(Request(stack, (data,), ("stack.contact_conductance",)))
+    problem = build_problem(Request(stack, (data,), ("stack.contact_conductance",)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     assert problem.residuals(at).size == problem.samples == problem.jacobian(at).shape[0] == 82 - 9
     blocks = {b.sensor: b for b in problem.blocks(at)}
@@ -162,7 +162,7 @@ def test_masked_samples_leave_their_rows_out() -> None:
 
 def test_a_run_that_fails_stands_as_far_away() -> None:
     data = log(box(), {}, {"T": "case"}, samples=11)
-    problem = problem_for(Request(box(), (data,), (HTC,)))
+    problem = build_problem(Request(box(), (data,), (HTC,)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     poor = replace(problem, options=replace(problem.options, max_steps=1, method="integrator"))
     np.testing.assert_array_equal(poor.residuals(at), FAILED)
@@ -181,7 +181,7 @@ def test_the_weight_of_a_loss_is_its_derivative(loss: str) -> None:
 
 
 def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_its_value() -> None:
-    problem = problem_for(Request(box(), (log(box(), {}, {"T": "case"}),), (HTC, MASS)))
+    problem = build_problem(Request(box(), (log(box(), {}, {"T": "case"}),), (HTC, MASS)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     plain, wide = Information.of(problem, at), Information.of(problem, at, spread=2.0)
     assert wide.data.T @ wide.data == pytest.approx(plain.data.T @ plain.data / 4.0, rel=1e-9)

@@ -13,7 +13,7 @@ import thermid as td
 from thermid.errors import IdentificationError
 from thermid.fit import minimisation
 from thermid.fit.minimisation import LOSSES, Population, box_of, evolved
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import Prior, Unknown
 
@@ -113,7 +113,7 @@ class TestValleys:
 
 class TestPopulation:
     def population(self, loss: str = "linear", knee: float = 1.0) -> Population:
-        problem = problem_for(Request(case(0.3, 0.9), (log(),), tuple(PATHS), {"*": BENCH}))
+        problem = build_problem(Request(case(0.3, 0.9), (log(),), tuple(PATHS), {"*": BENCH}))
         return Population.of(replace(problem, noise={"T": 0.05}), loss, knee)
 
     @pytest.mark.parametrize("loss", LOSSES)

@@ -11,7 +11,7 @@ import pytest
 
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
 from thermid.fit.calibrate import calibrate, fit
-from thermid.fit.problem.gather import problem_for
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import Normal, Source
@@ -100,11 +100,11 @@ class TestNames:
 
 class TestPriors:
     def test_a_prior_is_met_in_the_fitted_form(self, record: Record) -> None:
-        problem = problem_for(Request(box(), (record,), (HTC,), priors={HTC: ("5 [W/(m^2 K)]", "0.5 [W/(m^2 K)]")}))
+        problem = build_problem(Request(box(), (record,), (HTC,), priors={HTC: ("5 [W/(m^2 K)]", "0.5 [W/(m^2 K)]")}))
         assert problem.unknowns[0].prior == Prior(math.log(5.0), 0.1)
 
     def test_without_a_mean_the_start_stands_and_per_cent_are_relative(self, record: Record) -> None:
-        problem = problem_for(Request(box(), (record,), (HTC, MASS), priors={HTC: ("", "5 [%]"), MASS: ("2 [kg]", "10 [%]")}))
+        problem = build_problem(Request(box(), (record,), (HTC, MASS), priors={HTC: ("", "5 [%]"), MASS: ("2 [kg]", "10 [%]")}))
         assert problem.unknowns[0].prior == Prior(math.log(6.0), pytest.approx(0.05))
         assert problem.unknowns[1].prior == Prior(math.log(2.0), pytest.approx(0.1))
 
@@ -150,7 +150,7 @@ class TestTies:
         stack = pair()
         data = log(stack, {"a.case.mass": "1.2 [kg]", "b.case.mass": "1.8 [kg]"}, {"A": "a.case", "B": "b.case"}, boundary="room")
         free = ("a.case.mass", "b.case.mass")
-        tied = problem_for(Request(stack, (data,), free))
+        tied = build_problem(Request(stack, (data,), free))
         assert [u.name for u in tied.unknowns if u.kind == "parameter"] == ["a.case.mass"]
         found = fit(Request(stack, (data,), free, untie=True))
         for path, truth in zip(free, (1.2, 1.8), strict=True):
@@ -170,13 +170,13 @@ class TestTies:
     def test_an_instance_with_a_value_of_its_own_is_left_alone(self) -> None:
         stack = model_from_dict({**_pair_deck(), "set": {"b.case.mass": "2 [kg]"}})
         data = log(stack, {"a.case.mass": "1.2 [kg]"}, {"A": "a.case"}, boundary="room", samples=61)
-        problem = problem_for(Request(stack, (data,), ("a.case.mass",)))
+        problem = build_problem(Request(stack, (data,), ("a.case.mass",)))
         assert [t.name for t in problem.unknowns[0].targets] == ["a.case.mass"]
 
     def test_parts_of_two_definitions_are_apart(self) -> None:
         stack = pair(second=box({"parameters/power/value": "1 [W]"}))
         data = log(stack, {}, {"A": "a.case"}, boundary="room", samples=11)
-        problem = problem_for(Request(stack, (data,), ("a.case.mass",)))
+        problem = build_problem(Request(stack, (data,), ("a.case.mass",)))
         assert [t.name for t in problem.unknowns[0].targets] == ["a.case.mass"]
 
 
@@ -197,14 +197,14 @@ class TestLocal:
             assert i.value == pytest.approx(297.15, abs=4 * i.error)
 
     def test_a_channel_may_give_the_start(self, record: Record) -> None:
-        problem = problem_for(Request(box(), (record,), (HTC,), local={"initial.case": LocalSpec("T", 1.0)}))
+        problem = build_problem(Request(box(), (record,), (HTC,), local={"initial.case": LocalSpec("T", 1.0)}))
         first = float(record["T"].values[0])
         (start,) = (u for u in problem.unknowns if u.kind == "local")
         assert (start.start, start.prior) == (first, Prior(first, 1.0))
 
     def test_the_records_own_value_wins(self, record: Record) -> None:
         stage, own = {"initial.case": LocalSpec("20 [degC]")}, {"bench": {"initial.case": LocalSpec("25 [degC]")}}
-        problem = problem_for(Request(box(), (record,), (HTC,), local=stage, record_local=own))
+        problem = build_problem(Request(box(), (record,), (HTC,), local=stage, record_local=own))
         assert [u.start for u in problem.unknowns if u.kind == "local"] == [298.15]
 
     @pytest.mark.parametrize(
@@ -275,17 +275,17 @@ class TestReadings:
 
     def test_an_unknown_offset_or_one_of_another_dimension(self, record: Record) -> None:
         with pytest.raises(NameNotFoundError, match=r"no parameter 'lift'"):
-            problem_for(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "lift")}))
+            build_problem(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "lift")}))
         with pytest.raises(UnitError, match=r"a temperature difference \[K\] is needed"):
-            problem_for(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "power")}))
+            build_problem(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "power")}))
 
 
 class TestWeights:
     def test_a_weight_divides_the_noise(self) -> None:
         stack = pair()
         data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=11)
-        plain = problem_for(Request(stack, (data,), ("stack.contact_conductance",)))
-        half = problem_for(Request(stack, (data,), ("stack.contact_conductance",), weights={"B": 0.5}))
+        plain = build_problem(Request(stack, (data,), ("stack.contact_conductance",)))
+        half = build_problem(Request(stack, (data,), ("stack.contact_conductance",), weights={"B": 0.5}))
         at = np.array([u.to_fitted(u.start) for u in plain.unknowns])
         np.testing.assert_allclose(half.residuals(at), plain.residuals(at) * np.repeat([1.0, 0.5], 11), rtol=1e-12)
 
@@ -299,7 +299,7 @@ class TestWeights:
     )
     def test_refusals(self, record: Record, weights: dict[str, float], words: str) -> None:
         with pytest.raises(IdentificationError, match=words):
-            problem_for(Request(box(), (record,), (HTC,), weights=weights))
+            build_problem(Request(box(), (record,), (HTC,), weights=weights))
 
 
 def test_a_meters_error_scales_the_load() -> None:

@@ -203,19 +203,19 @@ def _seat(channel: Channel, node: str) -> Seat:
 def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
     part = channel.part
     assert part is not None
-    bind = {"seat": node}
+    binding = {"seat": node}
     if part.lead_conductance:
         try:
-            bind["far"] = names.find(part.lead_to, f"{where}, lead.to")
+            binding["far"] = names.find(part.lead_to, f"{where}, lead.to")
         except NameNotFoundError as error:
             raise RecordError(f"its leads end at '{part.lead_to}', which the model does not have. {error.message}", where) from None
     inner = dict(model.submodels)
-    for path in bind.values():
+    for path in binding.values():
         head, _, rest = path.partition(".")
         if rest and head in inner and rest not in inner[head].model.offers:
             inner[head] = replace(inner[head], model=replace(inner[head].model, offers=(*inner[head].model.offers, rest)))
     own = sensor_model(part)
-    return replace(model, submodels={**inner, _named(channel): Submodel(own, bind, own.identity())})
+    return replace(model, submodels={**inner, _named(channel): Submodel(own, binding, own.identity())})
 
 
 def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[str, float]) -> Record:
@@ -580,7 +580,7 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
     return role, path
 
 
-def meet(
+def bind(
     model: Model,
     record: Record,
     scenario: Scenario | None = None,

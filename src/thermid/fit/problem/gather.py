@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest
-from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, first_reading, gain_of, lag_of, meet
+from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
@@ -21,7 +21,7 @@ MANY = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
 
 
-def problem_for(request: Request) -> Problem:
+def build_problem(request: Request) -> Problem:
     """Return the residuals of a request.
 
     Raises
@@ -39,7 +39,7 @@ def problem_for(request: Request) -> Problem:
     for name in (n for n in request.scenarios if n not in (*names, "*")):
         raise RecordError(f"a scenario is given for '{name}', which is no record here.{nearest(name, names)}", where)
     experiments = tuple(
-        meet(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
+        bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )
     _check_weights(request, experiments, where)
     return problem_of(request, experiments)

@@ -105,7 +105,7 @@ class Request:
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
-    knee : float                    Residual, in units of the noise, from which a robust loss bends.
+    loss_scale : float              Residual, in units of the noise, from which a robust loss bends.
     search : str                    auto, local, multistart, differential evolution or cma; see `searched`.
     window : float                  First readings are medians over this time. [s]
     name : str                      Name of the stage.
@@ -134,7 +134,7 @@ class Request:
     weights: Mapping[str, float] = field(default_factory=dict)
     untie: bool = False
     loss: str = "linear"
-    knee: float = 1.0
+    loss_scale: float = 1.0
     search: str = "auto"
     window: float = 0.0
     name: str = ""
@@ -331,7 +331,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         repr(sorted(request.readings.items())),
         request.window,
     ]
-    how = [request.loss, request.knee, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
+    how = [request.loss, request.loss_scale, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
     held = None if request.held_errors is None else sorted(request.held_errors.items())
     priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
     content = {

@@ -126,16 +126,16 @@ def pooled(parts: list[Sums]) -> Sums:
     return reduce(Sums.followed_by, parts)
 
 
-def loss_of(squares: Array, loss: str, knee: float) -> tuple[Array, Array]:
+def loss_of(squares: Array, loss: str, loss_scale: float) -> tuple[Array, Array]:
     """Return the loss of squared residuals in units of the noise, as the kernel counts it, and its derivative. [-]"""
-    z = squares / knee**2
+    z = squares / loss_scale**2
     if loss == "soft_l1":
-        return 2.0 * knee**2 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)
+        return 2.0 * loss_scale**2 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)
     if loss == "huber":
         root = np.sqrt(np.maximum(z, 1.0))
-        return knee**2 * np.where(z > 1.0, 2.0 * root - 1.0, z), 1.0 / root
+        return loss_scale**2 * np.where(z > 1.0, 2.0 * root - 1.0, z), 1.0 / root
     if loss == "cauchy":
-        return knee**2 * np.log1p(z), 1.0 / (1.0 + z)
+        return loss_scale**2 * np.log1p(z), 1.0 / (1.0 + z)
     return squares, np.ones_like(squares)
 
 
@@ -163,6 +163,11 @@ class SensorTrace:
     def residuals(self) -> Array:
         """Measured less predicted (samples,). [K]"""
         return self.measured - self.predicted
+
+    @property
+    def weighted(self) -> Array:
+        """Residuals in units of the noise (samples,). [-]"""
+        return self.residuals / self.noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,21 +314,21 @@ def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None
 
 
 def compressed_in_full(
-    problem: Problem, i: int, fitted: Array, loss: str, knee: float
+    problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
     """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
     experiment = problem.experiments[i]
     blocks, slopes = problem.blocks_of(i, fitted), problem.slopes(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
-    return as_triangle(blocks, full, loss, knee)
+    return as_triangle(blocks, full, loss, loss_scale)
 
 
 def as_triangle(
-    blocks: Sequence[SensorTrace], full: Array, loss: str, knee: float
+    blocks: Sequence[SensorTrace], full: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
     """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
-    z = np.concatenate([b.residuals / b.noise for b in blocks])
-    size, weight = loss_of(z**2, loss, knee)
+    z = np.concatenate([b.weighted for b in blocks])
+    size, weight = loss_of(z**2, loss, loss_scale)
     root = np.sqrt(weight)
     basis, triangle = np.linalg.qr(root[:, None] * full)
     rotated = basis.T @ (root * z)
@@ -415,7 +420,7 @@ class Problem:
             out.append(SensorTrace(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
-    def compressed(self, fitted: Array, loss: str = "linear", knee: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
         """Return the weighted residuals of all data with their derivatives, from one run of each record.
 
         Each record gives a triangle with one row per free name and constant error, and one row for what no unknown can change. With the
@@ -432,7 +437,7 @@ class Problem:
         chi = 0.0
         for i, bench in enumerate(self.benches()):
             if bench.experiment.ticks is not None:
-                own, part, square, sizes = compressed_in_full(self, i, fitted, loss, knee)
+                own, part, square, sizes = compressed_in_full(self, i, fitted, loss, loss_scale)
                 rows, slopes, chi, sums = [*rows, own], [*slopes, part], chi + square, [*sums, *sizes]
                 taken.append(np.zeros(0))
                 continue
@@ -440,7 +445,7 @@ class Problem:
             seen = bench.experiment.observations
             bias, columns, shifts = self._shifts(bench, x, chain, fitted)
             sigma = np.array([o.sigma(self.noise) for o in seen])
-            weighing = Weighing(sigma, bias, columns, loss, knee)
+            weighing = Weighing(sigma, bias, columns, loss, loss_scale)
             found = bench.squares(x, bool(self.unknowns), self.options, weighing, meshes[i] if meshes else None)
             at = x.size
             part = found.triangle[:, :at] @ chain + found.triangle[:, at:] @ shifts
@@ -471,7 +476,7 @@ class Problem:
     def residuals(self, fitted: Array) -> Array:
         """Return the weighted residuals of all data in full. [-]"""
         try:
-            return np.concatenate([(b.measured - b.predicted) / b.noise for b in self.blocks(fitted)])
+            return np.concatenate([b.weighted for b in self.blocks(fitted)])
         except SolverError:
             return np.full(self.samples, FAILED)
 

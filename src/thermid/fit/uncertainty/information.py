@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.fit.minimisation import Fit, ended
-from thermid.fit.problem.gather import problem_for, problem_of
+from thermid.fit.problem.gather import build_problem, problem_of
 from thermid.fit.problem.request import Request, form, key_for, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
@@ -185,7 +185,7 @@ def opened_at(
     experiments = problem.experiments
     if instruments:
         request = replace(request, held_bias={}, held_errors=None)
-        experiments = problem_for(request).experiments
+        experiments = build_problem(request).experiments
     own = {u.name: k for k, u in enumerate(problem.unknowns)}
     acting = {p for u in problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
     parameters = experiments[0].network.flat.parameters
@@ -209,13 +209,13 @@ def _alike(parameters: ParameterSet, group: Sequence[str]) -> tuple[str, ...]:
     return tuple(p for p in here if math.isclose(values[p], values[here[0]], rel_tol=1e-9))
 
 
-def opened_jacobian(at: Opened, loss: str = "linear", knee: float = 1.0) -> tuple[Array, Array]:
+def opened_jacobian(at: Opened, loss: str = "linear", loss_scale: float = 1.0) -> tuple[Array, Array]:
     """Return the derivatives of the weighted residuals with respect to the fit's own unknowns and to the opened values.
 
     Both have the same rows, in as few as hold the same information (`Fit.jacobian`); the weights of a robust loss are in them. With A and B
     the two, an error dq of the opened values moves the fit by ``-C A'B dq``, C the covariance that its weights stand for.
     """
-    jacobian = ended(at.problem, at.fitted, loss, knee).jacobian
+    jacobian = ended(at.problem, at.fitted, loss, loss_scale).jacobian
     return jacobian[:, : at.own], jacobian[:, at.own :]
 
 
@@ -334,7 +334,7 @@ def _consider(table: _Table, request: Request, problem: Problem, found: Fit, fix
     named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}
     instruments = bool(request.held_bias) or request.held_errors is not None
     opened = opened_at(request, problem, found.fitted, list(groups.values()), instruments=instruments)
-    own, other = opened_jacobian(opened, request.loss, request.knee)
+    own, other = opened_jacobian(opened, request.loss, request.loss_scale)
     moves = -gain @ own.T @ other
     for k, u in enumerate(opened.problem.unknowns[opened.own :]):
         if u.name in named:

@@ -19,7 +19,7 @@ from thermid.fit.uncertainty.noise import Weighed, binned, weighed
 from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.linear_algebra import RANK_TOLERANCE, square_root, symmetric_inverse
-from thermid.measure.amounts import digits, short
+from thermid.measure.amounts import digits, short, some
 from thermid.model.tree.model import Model
 from thermid.units import counted, unit
 
@@ -409,17 +409,13 @@ class Moves:
     def warnings(self) -> list[str]:
         """Return a remark where values moved, or all of them together."""
         far = [f"{m.path} ({m.deviations:+.1f} standard errors)" for m in self.values if m.verdict == MOVED]
-        far = far or [f"{_listed(g.paths)} together (chance {short(g.chance)})" for g in self.groups[-1:] if g.verdict == MOVED]
+        far = far or [f"{some(g.paths, 'values')} together (chance {short(g.chance)})" for g in self.groups[-1:] if g.verdict == MOVED]
         if not far:
             return []
         return [
-            f"moved from what the stage below found: {_listed(far)}. The parts do not behave in the assembly as they did alone, or the "
-            "stage below missed something."
+            f"moved from what the stage below found: {some(far, 'values')}. The parts do not behave in the assembly as they did alone, "
+            "or the stage below missed something."
         ]
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} values)"
 
 
 FARTHEST = 1.5
@@ -511,7 +507,7 @@ def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, leve
     start = opened.fitted.copy()
     for k, state in zip(known.at, known.states, strict=True):
         start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
-    pieces = binned(opened.problem, at, request.loss, request.knee, STRETCHES)
+    pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _beside(opened.problem, start, known.at)
     data = weighed(here, priors, pulls, level)

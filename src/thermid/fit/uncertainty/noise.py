@@ -195,8 +195,8 @@ class Binned:
     effective_share: float = 1.0
 
 
-def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: float = 1.0) -> Autocorrelation:
-    """Return how the residuals of a fit wander, and what that does to J'r.
+def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
+    """Autocorrelation of the residuals of a fit by restricted likelihood, and what it adds to the covariance of J'r.
 
     Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
     change, independent errors, and a part with correlations ``exp(-|t1 - t2| / time)``; the variances and the time have the largest
@@ -204,7 +204,7 @@ def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", knee: fl
     along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
-    pieces = binned(problem, found.fitted, loss, knee)
+    pieces = binned(problem, found.fitted, loss, loss_scale)
     spread = autocorrelation_of_traces(pieces, found, problem.effective_samples)
     return replace(spread, score_excess=spread.score_excess + excess_of_inputs(problem, found.fitted, pieces))
 
@@ -268,7 +268,9 @@ def binned_trace(z: Array, weighed: Array, place: NDArray[np.intp], centres: Arr
     return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
 
 
-def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 1.0, bins: int = BINS) -> dict[tuple[str, str], Binned]:
+def binned(
+    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = BINS
+) -> dict[tuple[str, str], Binned]:
     """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
     out: dict[tuple[str, str], Binned] = {}
     blocks = iter(problem.blocks(fitted))
@@ -280,8 +282,8 @@ def binned(problem: Problem, fitted: Array, loss: str = "linear", knee: float = 
         slopes = problem.slopes(i, fitted, centres)
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
-            z = block.residuals / o.sigma(problem.noise)
-            weighed = z if loss == "linear" else loss_of(z**2, loss, knee)[1] * z
+            z = block.weighted
+            weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
             place = np.searchsorted(edges, times[o.index], side="right") - 1
             out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share)
     return out
@@ -294,12 +296,12 @@ def _not_below_zero(matrix: Array) -> Array:
 
 
 def correlation(times: Array, time: float) -> Array:
-    """Return the correlations (times, times) of what wanders with a correlation time [s]."""
+    """Exponential correlations (times, times) with a correlation time [s]."""
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
 
 
 def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
-    """Return the variances of the independent and the wandering part of a trace, and the time of the latter; zeros where it is white.
+    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
 
     `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones.
     """
