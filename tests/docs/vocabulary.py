@@ -17,6 +17,7 @@ from pydantic import BaseModel
 import thermid as td
 from thermid import errors
 from thermid.campaign import schema as campaign_schema
+from thermid.campaign.study import schema as study_schema
 from thermid.judge.criteria import PLAIN
 from thermid.judge.limits import KEYS as LIMIT_KEYS
 from thermid.judge.metrics import METRICS
@@ -122,7 +123,7 @@ def by_heading() -> dict[str, Names]:
         "Natural convection": _model(schema.PowerLawTable, _group("htc", KINDS["convection"].slots)),
         "Convection by correlation": _model(schema.Correlated, _group("htc", KINDS["convection"].slots)),
         "Conductor": _of(conductor),
-        "TableSignal of points": _model(schema.Points),
+        "Table of points": _model(schema.Points),
         "Property over temperature": _model(schema.Property),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
         "Enclosure": _model(schema.EnclosureTable, {"dimensions": "m", "view_factors": "1", "exchange_factors": "1"}),
@@ -163,17 +164,17 @@ def by_heading() -> dict[str, Names]:
         "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),
         "Prior": _model(campaign_schema.PriorTable, CAMPAIGN_UNITS),
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
-        "Joint fit of a campaign": _model(campaign_schema.JointFitTable, CAMPAIGN_UNITS),
+        "Joint fit of a campaign": _model(campaign_schema.JointTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
         "Metrics": _of(METRICS, dict.fromkeys(METRICS, "K")),
         "Criteria": _of(("sensors",)),
         "Profile": _of([*KEYS, *SLOTS, *WORDS], SLOTS | {"predicted": TEMPERATURE}),
         "Number of a profile": _of(("value", "mark", "clause", "note"), {"value": ANY}),
         "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
-        "Study": _model(campaign_schema.StudyFile),
-        **{name: _model(getattr(campaign_schema, f"{name}TableSignal"), STUDY_UNITS) for name in STUDY},
+        "Study": _model(study_schema.StudyFile),
+        **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
         "Plan": _model(plan_schema.PlanFile),
-        **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}TableSignal"), PLAN_UNITS) for name, table in PLAN.items()},
+        **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
         "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
         "Criteria of a plan": _of(("each", *PLAIN), {"each": "K", "share": "1"}),
         "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
@@ -191,7 +192,7 @@ def unheaded() -> set[str]:
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
     out = set()
-    for module in (schema, campaign_schema, plan_schema):
+    for module in (schema, campaign_schema, study_schema, plan_schema):
         for made in vars(module).values():
             if isinstance(made, type) and issubclass(made, BaseModel) and made.__module__ == module.__name__ and made.model_fields:
                 keys = set(_model(made))

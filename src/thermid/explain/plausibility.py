@@ -108,9 +108,9 @@ class Plausibility:
 
     def __str__(self) -> str:
         """Return the findings as text, the worst first."""
-        order = {"not physical": 0, "doubtful": 1, "possible": 2}
+        order = ("not physical", "doubtful", "possible")
         lines = [f"{self.title}: are the values physical?"]
-        lines += [f"  {f}" for f in sorted(self.findings, key=lambda f: order[f.verdict])]
+        lines += [f"  {f}" for f in sorted(self.findings, key=lambda f: order.index(f.verdict))]
         if self.unjudged:
             lines.append(f"  no range is held for {', '.join(self.unjudged)}")
         return "\n".join(lines)

@@ -23,8 +23,6 @@ Source = Literal["assumed", "deck", "scenario", "log"]
 SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")
 """Where an input may come from, in the order of the table: what nobody said stands first."""
 NAN = float("nan")
-INSTANTS = 2001
-"""Instants over a record at which an input is averaged."""
 SHORT_TAIL = 1.5
 """Usual intervals that a channel may miss at either end of a log before its held value counts as assumed."""
 
@@ -133,9 +131,7 @@ def _driving(e: Experiment) -> dict[str, Channel]:
 
 def _values(e: Experiment, signal: Signal) -> tuple[float, float, float]:
     """Return lowest, highest and mean value of a signal over a record. [SI]"""
-    values = np.asarray(signal.at(np.linspace(0.0, e.scenario.seconds, INSTANTS)), dtype=float)
-    levels = np.concatenate([values, np.asarray(signal.levels, dtype=float)])
-    return float(levels.min()), float(levels.max()), float(values.mean())
+    return (*signal.bounds, signal.mean_over(0.0, e.scenario.seconds))
 
 
 def _channel_source(e: Experiment, channel: Channel) -> tuple[Source, str]:

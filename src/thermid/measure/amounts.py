@@ -42,11 +42,6 @@ def amount(given: object, slot: str, what: str) -> float:
     return value
 
 
-def seconds(given: object, what: str) -> float:
-    """Return a time [s]."""
-    return amount(given, "s", what)
-
-
 def positive_seconds(given: object, what: str) -> float:
     """Return a time above zero, such as a window [s].
 
@@ -54,7 +49,7 @@ def positive_seconds(given: object, what: str) -> float:
     ------
     RecordError   When it is zero or negative.
     """
-    value = seconds(given, what)
+    value = amount(given, "s", what)
     if value <= 0:
         raise RecordError(f"{format_value(value, 's')} is not above zero.", what)
     return value

@@ -207,10 +207,10 @@ def approach(
     designs = [_design(axis, now, row, reference) for row in taus]
     fits = [_ridge(x, medians - middle, scale, taus.shape[1], 1e-6 * scale) for x in designs]
     best = int(np.argmin([f[2] @ f[2] for f in fits]))
-    left = fits[best][2]
-    worth = effective_samples(left, designs[best].shape[1] + 2)
+    residuals = fits[best][2]
+    worth = effective_samples(residuals, designs[best].shape[1] + 2)
     factor = medians.size / worth
-    noise = float(np.sqrt(left @ left / max(medians.size - factor * (designs[best].shape[1] + 2), medians.size / 4.0)))
+    noise = float(np.sqrt(residuals @ residuals / max(medians.size - factor * (designs[best].shape[1] + 2), medians.size / 4.0)))
     noise = max(noise, scatter / 12.0, 1e-6 * scale)
     size = float(np.hypot(noise, bent * np.ptp(medians)) * factor**0.5)
     evidence, means, covariances = [], [], []

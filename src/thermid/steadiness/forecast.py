@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
-from thermid.measure.amounts import amount, duration_text, positive_seconds, seconds
+from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import BoolArray, FloatArray, stretch, within_log
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule, resolution_of, rule_of
@@ -97,7 +97,7 @@ class Forecast:
         ------
         RecordError   When the time lies before the last reading that was used.
         """
-        at = seconds(time, "time")
+        at = amount(time, "s", "time")
         if at < self.now:
             raise RecordError(f"{at:g} s lies before the last reading that was used, at {self.now:g} s.", f"{self.record}, {self.channel}")
         return estimate(with_step(self._approach.at(at, reading=True), self._step), level or self.level)
@@ -231,9 +231,9 @@ def forecast(
     if reference:
         air = record.channel(reference)
         room = (record.times[inside & air.valid], air.values[inside & air.valid])
-    found = approach(times, kelvin, limit, known, room)
+    curve = approach(times, kelvin, limit, known, room)
     trusted = bool(known) or slowest is not None
-    guard = found if trusted else approach(times, kelvin, limit, known, room, GUARD)
+    guard = curve if trusted else approach(times, kelvin, limit, known, room, GUARD)
     asked, wanted = amount(within, "K", "within"), rule_of(rule)
     if not asked > 0.0:
         raise RecordError(f"half of an interval is above zero, not {asked:g} K.", f"{record.name}, within")
@@ -243,34 +243,34 @@ def forecast(
         record.name,
         name,
         float(times[0]),
-        found.now,
-        found.at(found.now).mean,
+        curve.now,
+        curve.at(curve.now).mean,
         final,
         "" if final.error <= asked else _reason(final, asked, slow, span, bool(known), slowest is not None, level),
         asked,
         level,
         slow,
         wanted,
-        None if wanted.stored else _holds(found, wanted, 0.5, span),
-        None if wanted.stored else _holds(found, wanted, 0.95, span),
+        None if wanted.stored else _holds(curve, wanted, 0.5, span),
+        None if wanted.stored else _holds(curve, wanted, 0.95, span),
         bool(known),
-        None if found.room is None else found.room.last,
-        found,
+        None if curve.room is None else curve.room.last,
+        curve,
         step,
     )
 
 
 def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tuple[FloatArray, FloatArray]:
     """Return the readings of a stretch. [s], [K]"""
-    given, where = record.channel(name), f"{record.name}, {name}"
-    if given.quantity != "temperature":
-        raise RecordError(f"it is a {given.quantity}; temperatures are forecast.", where)
-    keep = inside & given.valid
+    measured, where = record.channel(name), f"{record.name}, {name}"
+    if measured.quantity != "temperature":
+        raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where)
+    keep = inside & measured.valid
     if np.count_nonzero(keep) < FEWEST:
         raise RecordError(f"{np.count_nonzero(keep)} readings lie in the stretch; {FEWEST} are needed for a forecast.", where)
     if not 0.5 <= level < 1.0:
         raise RecordError(f"a level of {level:g} is none; give 0.5 to 0.99.", where)
-    return record.times[keep], given.values[keep]
+    return record.times[keep], measured.values[keep]
 
 
 def _only(record: Record) -> str:
@@ -293,8 +293,8 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
         raise ScenarioError(
             "a model's time constants belong to conditions: give the scenario of the stretch beside the model.", model.title
         )
-    found = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
-    return tuple(float(t) for t in found if np.isfinite(t))
+    constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
+    return tuple(float(t) for t in constants if np.isfinite(t))
 
 
 def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
@@ -314,19 +314,19 @@ def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by
     return f"{text}: the readings are too few or too noisy for {duration_text(span)} of watching. Wait longer."
 
 
-def _holds(found: Approach, rule: StabilityRule, share: float, span: float) -> float | None:
+def _holds(curve: Approach, rule: StabilityRule, share: float, span: float) -> float | None:
     """Return the time at which the rule will hold with a probability, or None when it is further than a hundred stretches away. [s]"""
     window = rule.window or 60.0
 
     def sure(at: float) -> bool:
-        begin = max(at - window, found.start)
-        moved = np.einsum("pt,pt->p", found._terms(at) - found._terms(begin), found.means)
-        return float(found.weights @ (np.abs(moved) <= rule.rate * window)) >= share
+        begin = max(at - window, curve.start)
+        moved = np.einsum("pt,pt->p", curve._terms(at) - curve._terms(begin), curve.means)
+        return float(curve.weights @ (np.abs(moved) <= rule.rate * window)) >= share
 
-    if rule.window > found.now - found.start:
-        low = found.start + rule.window
+    if rule.window > curve.now - curve.start:
+        low = curve.start + rule.window
     else:
-        low = found.now
+        low = curve.now
     if sure(low):
         return low
     high = low + span

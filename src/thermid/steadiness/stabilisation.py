@@ -240,27 +240,27 @@ def _of_record(
     within_log(record, at, f"{record.name}, stability")
     inside, _ = stretch(record, since, at, f"{record.name}, stability")
     times = record.times[inside]
-    asked = names or tuple(record.measured)
-    if not asked:
+    wanted = names or tuple(record.measured)
+    if not wanted:
         raise RecordError("it has no temperature to ask about.", record.name)
     begin, end = float(times[0]), float(times[-1])
     cut = record.trim(begin, end)
     stored = None
     if rule.stored:
-        stored, found = _stored_in_log(cut, asked, rule, end, run, unit)
+        stored, states = _stored_in_log(cut, wanted, rule, end, run, unit)
     else:
-        found = {n: channel_stability(cut, n, rule, end, begin) for n in asked}
-    known = {n: since_when(cut, n, rule, begin) if c.verdict == "stable" else None for n, c in found.items()}
+        states = {n: channel_stability(cut, n, rule, end, begin) for n in wanted}
+    stable_since = {n: since_when(cut, n, rule, begin) if c.verdict == "stable" else None for n, c in states.items()}
     air = cut.channel(reference) if reference else None
     room = None if air is None else (cut.times[air.valid], air.values[air.valid])
-    left = {}
-    for name, c in found.items():
+    remaining = {}
+    for name, c in states.items():
         valid = cut.channel(name).valid
         if tau is not None:
-            left[name] = _rate_times(c, tau)
+            remaining[name] = _rate_times(c, tau)
         elif np.count_nonzero(valid) >= FEWEST:
-            left[name] = _by_readings(cut.times[valid], cut.channel(name).values[valid], room)
-    return Stability(record.name, rule, end, found, left, known, tau, stored)
+            remaining[name] = _by_readings(cut.times[valid], cut.channel(name).values[valid], room)
+    return Stability(record.name, rule, end, states, remaining, stable_since, tau, stored)
 
 
 def _rate_times(c: ChannelStability, tau: float) -> Remaining:
@@ -272,8 +272,8 @@ def _rate_times(c: ChannelStability, tau: float) -> Remaining:
 
 def _by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
     """Return what the readings themselves say of the change to come. [K]"""
-    found = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room, bent=GUARD)
-    now, end = found.at(found.now).mean, found.at(float("inf"))
+    curve = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room, bent=GUARD)
+    now, end = curve.at(curve.now).mean, curve.at(float("inf"))
     return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
 
 
@@ -313,12 +313,12 @@ def _capacities(run: Solution, unit: str) -> dict[str, float]:
     network = run._run.network
     ahead = f"{unit}." if unit else ""
     out = {}
-    for node, given in network.numbers().capacitances.items():
-        if not node.startswith(ahead) or given is None or value_of(given) <= 0.0:
+    for node, capacitance in network.numbers().capacitances.items():
+        if not node.startswith(ahead) or capacitance is None or value_of(capacitance) <= 0.0:
             continue
-        kept = network.stores.get(node)
+        store = network.stores.get(node)
         end = float(run[node].kelvin[-1])
-        out[node] = float(value_of(given)) * (1.0 if kept is None else float(kept.share(end)))
+        out[node] = float(value_of(capacitance)) * (1.0 if store is None else float(store.share(end)))
     return out
 
 
@@ -330,9 +330,9 @@ def _power(run: Solution, unit: str, start: float, end: float) -> float:
     RecordError   When there is none to compare with.
     """
     ahead = f"{unit}." if unit else ""
-    at = np.linspace(start, end, 61)
-    own = [np.broadcast_to(w, run.times.shape) for load, w in run.load_powers.items() if load.startswith(ahead)]
-    power = float(sum(np.abs(np.interp(at, run.times, w)).mean() for w in own))
+    axis = np.linspace(start, end, 61)
+    powers = [np.broadcast_to(w, run.times.shape) for load, w in run.load_powers.items() if load.startswith(ahead)]
+    power = float(sum(np.abs(np.interp(axis, run.times, w)).mean() for w in powers))
     if power <= 0.0:
         raise RecordError("the unit has no power to compare the stored heat with. Give a rule on the rate.", run.title)
     return power
@@ -380,24 +380,25 @@ def _stored_in_log(
             record.name,
         )
     find = run._run.network.find
-    held = _capacities(run, unit)
+    capacities = _capacities(run, unit)
     sits: dict[str, list[str]] = {}
     for name in channels:
         sits.setdefault(find(record.channel(name).target or name), []).append(name)
-    dark = {n: c for n, c in held.items() if n not in sits}
-    if dark:
-        listed = ", ".join(f"'{n}'" for n in sorted(dark, key=lambda n: -dark[n])[:4]) + (" and more" if len(dark) > 4 else "")
-        share = 100.0 * sum(dark.values()) / sum(held.values())
+    hidden = {n: c for n, c in capacities.items() if n not in sits}
+    if hidden:
+        listed = ", ".join(f"'{n}'" for n in sorted(hidden, key=lambda n: -hidden[n])[:4]) + (" and more" if len(hidden) > 4 else "")
+        share = 100.0 * sum(hidden.values()) / sum(capacities.values())
         raise RecordError(
-            f"'{rule.name}' needs the temperature of every node that stores heat; {listed} {'are' if len(dark) > 1 else 'is'} not measured "
-            f"({share:.2g} % of the capacitance). Put sensors there, or take a rule on the rate.",
+            f"'{rule.name}' needs the temperature of every node that stores heat; {listed} "
+            f"{'are' if len(hidden) > 1 else 'is'} not measured ({share:.2g} % of the capacitance). "
+            "Put sensors there, or take a rule on the rate.",
             record.name,
         )
-    first, own = float(record.times[0]), [name for n, names in sits.items() if n in held for name in names]
+    first, measured = float(record.times[0]), [name for n, names in sits.items() if n in capacities for name in names]
     for span, last in spans(record, first, end):
-        drift = {name: channel_drift(record, name, end - span, end) for name in own}
-        nodes = {n: c * float(np.mean([drift[name].rate for name in sits[n]])) for n, c in held.items()}
-        errors = [c * drift[name].error / len(sits[n]) ** 0.5 for n, c in held.items() for name in sits[n]]
+        drift = {name: channel_drift(record, name, end - span, end) for name in measured}
+        nodes = {n: c * float(np.mean([drift[name].rate for name in sits[n]])) for n, c in capacities.items()}
+        errors = [c * drift[name].error / len(sits[n]) ** 0.5 for n, c in capacities.items() for name in sits[n]]
         watts, error = sum(nodes.values()), float(np.sqrt(np.sum(np.square(errors))))
         power = _power(run, unit, end - span, end)
         verdict = verdict_of(watts, error, rule.rate * power)

@@ -225,28 +225,48 @@ class TestDiagnosis:
         has = sum(float(value_of(row.coefficients[0])) for row in compile_network(model).numbers().conductors if "a.case" in row.ends)
         assert link.size == pytest.approx(0.5 * has)
 
-    def test_a_common_shift_is_found_beside_errors_that_are_expected(self) -> None:
-        """Generalised least squares: noise, 0.3 K of each sensor, 0.1 K that wanders over a fifth of the log, 5 K of a shift."""
-        model, hours = pair(), 5.0
+    @pytest.mark.parametrize("noise", [0.2, None])
+    def test_common_shifts_and_loose_sensors_by_least_squares(self, noise: float | None) -> None:
+        """Errors that are expected: noise, 0.05 K where none is stated, 0.3 K of each sensor, 0.1 K that wanders over a fifth of the log.
+        Faults that are thought possible: 5 K of a shift, and 30 % of the room in a reading, which has one sign and so twice the density.
+        """
+        model = pair()
         given = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
-        run = td.simulate(model, given, times=np.linspace(0.0, 3600.0 * hours, 241))
-        shift = {"A": 1.0, "B": 1.3}
-        nodes = {"A": "a.case", "B": "b.case"}
-        made = {s: td.Channel.of(s, run[n].kelvin + shift[s], role="node", target=n, noise=0.2) for s, n in nodes.items()}
-        data = td.Record.from_arrays("bench", run.times, made)
-        told = td.diagnose(td.compare(model, data, scenario=given))
-        found = next(s for s in told.suspects if s.name == "all sensors")
-        edges = np.linspace(0.0, 3600.0 * hours, 25)
+        run = td.simulate(model, given, times=np.linspace(0.0, 18000.0, 241))
+        shift, nodes = {"A": -1.0, "B": -1.3}, {"A": "a.case", "B": "b.case"}
+        made = {s: td.Channel.of(s, run[n].kelvin + shift[s], role="node", target=n, noise=noise) for s, n in nodes.items()}
+        told = td.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
+        found = {s.name: s for s in told.suspects}
+        edges = np.linspace(0.0, 18000.0, 25)
         centres = (edges[1:] + edges[:-1]) / 2
         count = np.histogram(run.times, edges)[0]
         near = np.exp(-np.abs(centres[:, None] - centres) / (0.2 * np.ptp(centres)))
-        one = np.diag(0.2**2 / count) + 0.1**2 * near + 0.3**2
+        one = np.diag((noise or 0.05) ** 2 / count) + 0.1**2 * near + 0.3**2
         covariance = np.kron(np.eye(2), one)
-        d = np.repeat([1.0, 1.3], 24)
-        weighed = np.linalg.solve(covariance, np.ones(48))
-        square = np.ones(48) @ weighed + 1.0 / 5.0**2
-        assert found.amount == pytest.approx(weighed @ d / square, rel=1e-4)
-        assert found.error == pytest.approx(square**-0.5, rel=1e-5)
+        d = np.repeat([-1.0, -1.3], 24)
+        cool = np.concatenate([run["room"].kelvin[0] - np.interp(centres, run.times, run["a.case"].kelvin), np.zeros(24)])
+        evidence = {}
+        for name, response, size in (("all sensors", np.ones(48), 5.0), ("A loose", cool, 0.3)):
+            weighed = np.linalg.solve(covariance, response)
+            square = response @ weighed + 1.0 / size**2
+            amount = weighed @ d / square
+            assert found[name].amount == pytest.approx(amount, rel=2e-3)
+            assert found[name].error == pytest.approx(square**-0.5, rel=2e-3)
+            evidence[name] = 0.5 * (weighed @ d) * amount - 0.5 * np.log(size**2 * square) + (np.log(2.0) if name == "A loose" else 0.0)
+        # each group is as likely as the next, and each of its faults as the others: two of the reference, four of sensors
+        ratio = np.exp(evidence["A loose"] - evidence["all sensors"]) / 2.0
+        assert found["A loose"].probability / found["all sensors"].probability == pytest.approx(ratio, rel=0.04)
+
+    def test_a_power_that_has_gone_is_found_by_half_steps_to_what_is_possible(self) -> None:
+        """Nine tenths of a power are the most that is tried: from the whole of it, each of three steps goes half of the way back."""
+        model, hidden = pair(), pair(first=box({"parameters/power/min": 0, "parameters/power/value": "0 [W]"}))
+        given = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
+        run = td.simulate(hidden, given, times=np.linspace(0.0, 18000.0, 241))
+        nodes = {"A": "a.case", "B": "b.case"}
+        made = {s: td.Channel.of(s, run[n].kelvin, role="node", target=n, noise=0.05, accuracy=0.05) for s, n in nodes.items()}
+        told = td.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
+        found = next(s for s in told.suspects if s.name == "power of a.heat")
+        assert found.amount == pytest.approx(-0.9 - 0.1 / 8.0, abs=0.003)
 
 
 def test_evidence_is_the_gain_less_what_chance_gains(plain: Calibration) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from scipy import stats
 import thermid as td
 from thermid.fit.calibrate import fit as fitted_by
 from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, loss_of
-from thermid.fit.refusals import mistakes, strange_powers
-from thermid.fit.uncertainty.groups import percent
+from thermid.fit.refusals import _by_instruments, mistakes, strange_powers
+from thermid.fit.uncertainty.groups import percent, practical_groups
+from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
 from thermid.fit.uncertainty.moved import Test as Asked
 from thermid.knowledge.values import FittedValue, FittedValues
@@ -173,7 +176,6 @@ class TestWhatIsQuestioned:
     @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
     def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:
         """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
-        from thermid.fit.problem.gather import build_problem
 
         data = log(box(), {}, {"T": "case"})
         power = td.Channel.of("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
@@ -262,3 +264,47 @@ def test_white_residuals_are_called_autocorrelated_in_a_few_cases_of_a_hundred()
     found = td.calibrate(box(), records, [HTC], scenario=given)
     slow = sum(s.wanders for record in found.statistics.values() for s in record.values())
     assert 150 * 0.5 * stats.chi2.sf(5.0, 1) <= slow <= 150 * 7 * 0.5 * stats.chi2.sf(5.0, 1)
+
+
+def test_five_descents_from_the_best_of_64_points_beside_that_from_the_start() -> None:
+    found = td.calibrate(box(), log(box(), {}, {"T": "case"}, samples=61), [HTC, MASS], search="multistart")
+    assert "64 points, 6 descents, 6 of which ended at the same values" in found.search
+
+
+def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:
+    """Bounds of 10 % leave less room than the usual shift, a tenth to a third of the value: half of the wider side is taken."""
+    model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.9, "max": 6.3}})
+    problem = build_problem(Request(model, (log(model, {}, {"T": "case"}, samples=61),), (HTC,)))
+    info = Information.of(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+    there = elsewhere(problem, info)
+    assert there is not None
+    (k,) = info.parameters
+    assert there.at[k] - info.at[k] == pytest.approx(0.5 * math.log(6.3 / 6.0))
+
+
+class TestWhoGoesTogether:
+    """Two values with relative errors of 1, of which a log says a tenth of that where the other is known."""
+
+    def groups(self, correlation: float, alone: float = 0.1) -> int:
+        covariance = np.array([[1.0, correlation], [correlation, 1.0]])
+        unknowns = [SimpleNamespace(log=False)] * 2
+        info: Any = SimpleNamespace(covariance=lambda: covariance, sizes=np.ones(2), parameters=[0, 1], unknowns=unknowns)
+        info.names, info.alone = ["a", "b"], [alone] * 2
+        return len(practical_groups(info, 0.2))
+
+    @pytest.mark.parametrize(("correlation", "groups"), [(0.78, 0), (0.82, 1), (-0.82, 1)])
+    def test_values_whose_errors_have_two_thirds_of_their_variance_in_common(self, correlation: float, groups: int) -> None:
+        """A correlation of 0.8: 0.64 of the variance."""
+        assert self.groups(correlation) == groups
+
+    @pytest.mark.parametrize(("alone", "groups"), [(0.49, 1), (0.51, 0)])
+    def test_and_that_would_be_known_twice_as_well_alone(self, alone: float, groups: int) -> None:
+        assert self.groups(0.9, alone) == groups
+
+    @pytest.mark.parametrize(("share", "named"), [(0.097, False), (0.103, True)])
+    def test_instruments_are_named_from_a_tenth_of_the_variance_on(self, share: float, named: bool) -> None:
+        kinds = (("parameter", "x"), ("sensor", "sensor T1"), ("sensor", "sensor T2"))
+        problem: Any = SimpleNamespace(unknowns=[SimpleNamespace(kind=kind, name=name) for kind, name in kinds])
+        total = np.eye(3)
+        total[0, 1:] = total[1:, 0] = np.sqrt([0.8, share])
+        assert ("T2" in _by_instruments(problem, total, 0)) is named

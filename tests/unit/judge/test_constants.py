@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError
+from thermid.errors import IdentificationError, ScenarioError
 from thermid.judge.correlation import Overlay, correlate
 from thermid.judge.criteria import Criteria
 from thermid.judge.limits import Limits
 from thermid.judge.margins import flat_margin, heater_duty, margins
+from thermid.judge.metrics import METRICS, Residuals
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
 from unit.qualify.things import soak, unit
@@ -111,3 +113,18 @@ def test_the_flat_margin_shrinks_by_a_kelvin_every_32_fahrenheit(step: int) -> N
 def test_a_model_that_no_balance_test_correlated_needs_17_kelvin() -> None:
     """SMC-S-016, 4.4.2.1: 11 K and the 6 K that a balance test is worth."""
     assert flat_margin(300.0, False).value - flat_margin(300.0, True).value == 6.0
+
+
+def test_a_window_of_two_stored_times_is_enough_for_a_duty() -> None:
+    solution = SimpleNamespace(times=np.array([0.0, 60.0, 120.0]), load_powers={"cpu": np.array([1.0, 2.0, 4.0])}, title="run")
+    run: Any = SimpleNamespace(solution=solution, scenario=SimpleNamespace(title="run"))
+    assert heater_duty(run, "cpu", 4.0, window=(50.0, 130.0)).duty == pytest.approx(0.75)
+    with pytest.raises(ScenarioError, match="fewer than two stored times"):
+        heater_duty(run, "cpu", 4.0, window=(70.0, 130.0))
+
+
+def test_the_final_error_is_the_mean_over_the_last_twentieth() -> None:
+    times = np.arange(0.0, 10001.0)
+    for begins, expected in ((9480.0, 1.0), (9520.0, 481.0 / 501.0)):
+        found = Residuals(times, np.where(times >= begins, 1.0, 0.0), np.full(times.size, 1.0 / times.size))
+        assert METRICS["final"].of(found) == pytest.approx(expected)

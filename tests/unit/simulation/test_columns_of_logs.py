@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ThermidError
-from thermid.fit.problem.experiment import meet
+from thermid.fit.problem.experiment import bind
 from thermid.model.laws.signal import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
@@ -143,10 +143,10 @@ air = {column("room")}
     record = td.read_record(tmp_path / "log.csv", {"wall": {"node": "plate"}})
     model = td.model_from_dict(deck)
     for cut, first in ((record, 101325.0), (record.trim("1120 [s]"), 50000.0)):
-        met = meet(model, cut, scenario).scenario
+        met = bind(model, cut, scenario).scenario
         assert met.environment["air"].pressure.at(np.zeros(1))[0] == first
         assert met.boundaries["air"].at(np.zeros(1))[0] == pytest.approx(293.15 if cut is record else 303.15)
     with pytest.raises(ThermidError, match=r"whose times the record no longer has \(shift_start"):
-        meet(model, record.shift_start(), scenario)
+        bind(model, record.shift_start(), scenario)
     other = made(tmp_path, text, LOG.replace("101325", "101000"))  # another log counts from its own first sample
-    assert meet(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0
+    assert bind(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0

@@ -150,8 +150,7 @@ def _quantile(weights: Array, errors: Array, chance: float) -> float:
     if not np.isfinite(errors[weights > 0]).all():
         return math.inf
     low, high = 0.0, 40.0 * float(errors.max())
-    for _ in range(60):
-        middle = 0.5 * (low + high)
+    while low < (middle := 0.5 * (low + high)) < high:  # to the last bit
         low, high = (middle, high) if float(weights @ ndtr(-middle / errors)) > chance else (low, middle)
     return high
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure.amounts import duration_text, positive_seconds, seconds
+from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.units import format_value, unit
 
@@ -431,7 +431,7 @@ def _moment(record: Samples, given: object, what: str) -> float:
     if isinstance(given, str) and given.strip() in ("start", "end"):
         return float(record.times[0 if given.strip() == "start" else -1])
     try:
-        return seconds(given, what)
+        return amount(given, "s", what)
     except RecordError as error:
         raise RecordError(f"{error.message} 'start' and 'end' are known too.", error.where) from None
 
