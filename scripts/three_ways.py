@@ -21,7 +21,7 @@ import numpy as np
 import thermid as td
 from thermid.campaign.file import CampaignSource, read_campaign, scenario_of
 from thermid.campaign.joint import fit_jointly
-from thermid.campaign.staging import request_of
+from thermid.campaign.stages import request_of
 from thermid.fit.calibrate import fit
 from thermid.fit.problem.request import Request
 

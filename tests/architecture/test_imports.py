@@ -73,7 +73,6 @@ ARROWS: dict[str, set[str]] = {
 }
 LOW = FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.minimisation", "fit.uncertainty", "fit.second_clocks"}
-CAMPAIGN = {"campaign", "campaign.swap", "campaign.study"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
 TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
@@ -95,8 +94,6 @@ ARROWS |= {
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
-    "campaign.swap": LOW | FIT | {"campaign"},
-    "campaign.study": LOW | FIT | {"campaign", "judge"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),
@@ -105,8 +102,7 @@ ARROWS |= {
     "reporting.diagrams": LOW,
     "reporting.pages": LOW
     | FIT
-    | CAMPAIGN
-    | {"explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
+    | {"campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.qualification": LOW | {"sourced", "judge", "qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
     "site": FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "sourced"},
     "acquire": FOUNDATION | MEASURE,
@@ -195,7 +191,7 @@ def allowed_rooms(package: str) -> set[str]:
     return {room for room in rooms if room.rpartition(".")[0] not in rooms}
 
 
-SAYING = MEASURE - {"measure.amounts"} | FIT | CAMPAIGN | ABOVE_FIT | TESTED | REPORTING | {"qualify"} | MODEL | SIMULATION | OPTIONAL
+SAYING = MEASURE - {"measure.amounts"} | FIT | ABOVE_FIT | TESTED | REPORTING | {"campaign", "qualify"} | MODEL | SIMULATION | OPTIONAL
 
 
 @pytest.mark.parametrize("package", sorted(SAYING - {"model", "simulation"}))
@@ -236,8 +232,8 @@ def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
         ("thermid.simulation.scenarios.x", "from thermid.measure import Record", "only "),
         ("thermid.kitchen.x", "", "no line in ARROWS"),
         ("thermid.fit.problem.x", "if TYPE_CHECKING:\n    from thermid.fit.calibration import Calibration", "may not import 'fit'"),
-        ("thermid.fit.x", "from thermid.campaign.swap.swap import plan_retune", "may not import 'campaign.swap'"),
-        ("thermid.campaign.x", "def f():\n    from thermid.campaign.swap import swap", "may not import 'campaign.swap'"),
+        ("thermid.fit.x", "from thermid.campaign.retune import plan_retune", "may not import 'campaign'"),
+        ("thermid.explain.x", "def f():\n    from thermid.campaign import retune", "may not import 'campaign'"),
     ],
 )
 def test_an_import_against_the_arrows_is_seen(modules: dict[str, Module], name: str, text: str, word: str) -> None:

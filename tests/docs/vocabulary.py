@@ -17,7 +17,6 @@ from pydantic import BaseModel
 import thermid as td
 from thermid import errors
 from thermid.campaign import schema as campaign_schema
-from thermid.campaign.study import schema as study_schema
 from thermid.judge.criteria import PLAIN
 from thermid.judge.limits import KEYS as LIMIT_KEYS
 from thermid.judge.metrics import METRICS
@@ -164,15 +163,15 @@ def by_heading() -> dict[str, Names]:
         "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),
         "Prior": _model(campaign_schema.PriorTable, CAMPAIGN_UNITS),
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
-        "Joint fit of a campaign": _model(campaign_schema.JointTable, CAMPAIGN_UNITS),
+        "Joint fit of a campaign": _model(campaign_schema.JointFitTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
         "Metrics": _of(METRICS, dict.fromkeys(METRICS, "K")),
         "Criteria": _of(("sensors",)),
         "Profile": _of([*KEYS, *SLOTS, *WORDS], SLOTS | {"predicted": TEMPERATURE}),
         "Number of a profile": _of(("value", "mark", "clause", "note"), {"value": ANY}),
         "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
-        "Study": _model(study_schema.StudyFile),
-        **{name: _model(getattr(study_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
+        "Study": _model(campaign_schema.StudyFile),
+        **{name: _model(getattr(campaign_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
         "Plan": _model(plan_schema.PlanFile),
         **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
         "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
@@ -192,7 +191,7 @@ def unheaded() -> set[str]:
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
     out = set()
-    for module in (schema, campaign_schema, study_schema, plan_schema):
+    for module in (schema, campaign_schema, plan_schema):
         for made in vars(module).values():
             if (
                 isinstance(made, type)

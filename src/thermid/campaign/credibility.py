@@ -132,7 +132,7 @@ class CredibilityRecord(Mapping[str, ValueRecord]):
 
 @takes_objects
 def credibility(campaign: Campaign) -> CredibilityRecord:
-    """Return what every value of a campaign's uppermost model rests on; with a joint fit, as that left it.
+    """Credibility record: what every value of a campaign's uppermost model rests on; with a joint fit, as that left it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Values tuned by hand: a stage without records, from a file of the studio or one that somebody wrote."""
+"""Values from files: tuned by hand as a stage without records, or laid over a model as its decks are now."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from thermid.errors import DeckError, ThermidError
-from thermid.fit.problem.unknowns import Unknown, parameter_unknown
+from thermid.fit.problem.unknowns import parameter_unknown
 from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
-from thermid.knowledge.store import Origin, State, Store
-from thermid.knowledge.values_file import load_store, read_values
+from thermid.knowledge.store import State, Store, ValueOrigin, graft
+from thermid.knowledge.values import FittedValues, load_store, read_values, values_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, deck_text
@@ -44,14 +44,14 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
     if "schema" in data:
         store = load_store(path)[0].matching(model)
         key = hashlib.sha256(repr([*store.states.values(), store.root.tolist()]).encode()).hexdigest()
-        mine = Origin("hand", stage, (), key)
+        mine = ValueOrigin("hand", stage, (), key)
         return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
     rows = data.get("values", {k: v for k, v in data.items() if k not in ("title", "note")})
     if not rows:
         raise DeckError(f'\'{path.name}\' gives no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
     try:
-        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, Origin("hand", stage, (), key))
+        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, ValueOrigin("hand", stage, (), key))
     except ThermidError as error:
         raise error.located(f"{where}, {path.name}") from None
 
@@ -64,7 +64,7 @@ def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:
     return table
 
 
-def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: Origin) -> Store:
+def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOrigin) -> Store:
     """Return the store of rows: each with an error has a source of its own."""
     values = ParameterSet(model)
     states, sources, sizes = {}, [], []
@@ -79,7 +79,7 @@ def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: Origin) 
     return whole.trimmed()
 
 
-def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Origin) -> tuple[State, Source, float]:
+def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: ValueOrigin) -> tuple[State, Source, float]:
     """Return a state, its source and its standard deviation in the fitted form; zero where no error is given."""
     entry = values.table[path]
     old = entry.parameter
@@ -92,12 +92,58 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Or
     size = law.log_sd if isinstance(law, LogNormal) and u.log else size
     shape = UNIT if isinstance(law, Uniform) else Normal()
     words = f"{path}, tuned by hand at stage '{origin.stage}'"
-    deck = deck_text(entry)
+    deck, start = deck_text(entry), float(values.evaluate({}, [path])[path])
     state = State(
-        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=_start(u, values), known=law is not None
+        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=start, known=law is not None
     )  # fmt: skip
     return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size
 
 
-def _start(u: Unknown, values: ParameterSet) -> float:
-    return float(values.evaluate({}, [u.name])[u.name])
+@dataclass(frozen=True, eq=False)
+class Filed:
+    """What a values file says of a model.
+
+    Parameters
+    ----------
+    model : Model           With the values laid over it; what a [set] above says still wins.
+    values : FittedValues   What still applies, by the paths of the part that the file is of.
+    lacks : tuple of str    What a file of the old format cannot say.
+    gone : tuple of str     Values that are left out, since the decks give them otherwise by now.
+    hidden : tuple of str   Values that a [set] hides.
+    """
+
+    model: Model
+    values: FittedValues
+    lacks: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What a reader must know first."""
+        return (*self.lacks, *self.gone, *self.hidden)
+
+
+def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> Filed:
+    """Return a model with a values file laid over it, whoever wrote the file.
+
+    Parameters
+    ----------
+    path : Path     A file of a stage, of the studio, or one written by hand.
+    model : Model   As its decks are now.
+    at : str        The submodel that the file is of; empty for the model itself.
+    keep : bool     Whether to keep states of values that the decks give otherwise by now.
+
+    Raises
+    ------
+    ThermidError   When it is no values file, or is of another model.
+    """
+    part = model.submodel(at) if at else model
+    by_hand = "schema" not in read_values(path)
+    store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
+    lacks = tuple(x.what for x in store.left_out if "(schema 1)" in x.what)
+    known = store if keep else store.matching(part)
+    gone = tuple(f"{d.path} = {d.text} of {d.origin} is left out: {d.why}." for d in known.dropped[len(store.dropped) :])
+    placed: Store = graft(model, [(at, known)])[0] if at else known
+    laid = placed.on(model)
+    return Filed(laid, values_of(known, stage), lacks, gone, placed.acting_in(laid)[1])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from thermid.campaign.cache import recall
 from thermid.campaign.file import CampaignSource, local_of, placed, read_campaign, scenario_of
 from thermid.campaign.schema import StageTable, VerdictTable
-from thermid.campaign.staging import keyed, readings_of, request_of
+from thermid.campaign.stages import Notice, keyed, progress_of, readings_of, request_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
@@ -28,7 +27,7 @@ def survey(
     after: bool = False,
     data: str | os.PathLike[str] | None = None,
     cache: str | os.PathLike[str] | None = None,
-    notice: Callable[[str, int, float], None] | None = None,
+    notice: Notice | None = None,
 ) -> dict[str, Identifiability]:
     """Return stage -> what its logs can tell of what it frees, before its own fit, so that a stage that would be refused is explained too.
 
@@ -69,8 +68,7 @@ def survey(
                 out[name] = identifiability_of(request)
             if name in fits:
                 keys[name] = request.key
-                told = None if notice is None else lambda count, rms, name=name: notice(name, count, rms)
-                done[name] = fit(request, told, recall(folder, name, keys[name]))
+                done[name] = fit(request, progress_of(notice, name), recall(folder, name, keys[name]))
             if name in wanted and after and done[name].values.parameters:
                 out[name] = identifiability(done[name])
         except ThermidError as error:

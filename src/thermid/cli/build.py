@@ -38,7 +38,7 @@ from thermid.cli.options import (
 from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, nearest
 from thermid.files import NETCDF, PICTURE, TABLE, write_text
 from thermid.fit.inputs import InputTable
-from thermid.knowledge.standing import of_model
+from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
 from thermid.model.deck.schema import json_schema as deck_schema
 from thermid.physics.htc import compare_htc
@@ -98,7 +98,7 @@ def simulate(
     """Run a model in a scenario and print where its temperatures go."""
     model = fitted_model(deck, values, keep_values, param)
     model = model.without_test_only() if as_flown else model
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     times = moments(at, conditions.seconds)
     grid = np.union1d(output_times(conditions, every and with_unit(every, "s"), None), times)

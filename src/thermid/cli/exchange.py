@@ -33,7 +33,7 @@ from thermid.interop import equations as derive
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
-from thermid.knowledge.standing import of_model
+from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.deck.save import save_model
 
@@ -106,7 +106,7 @@ def export(
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, conditions)
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
         typer.echo(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*", standing=standing.to_dict())

@@ -12,9 +12,9 @@ import typer
 from thermid.campaign import credibility as origins
 from thermid.campaign.cache import file_name
 from thermid.campaign.file import read_campaign
+from thermid.campaign.retune import plan_retune
 from thermid.campaign.stages import Campaign, run_stages
 from thermid.campaign.survey import survey
-from thermid.campaign.swap.swap import plan_retune
 from thermid.cli.options import Accept, CampaignPath, Data, Force, Json, Page, Pdf, Results, leave, ready, say, writable, written
 from thermid.errors import ScenarioError
 from thermid.files import CREDIBILITY, VALUES, may_write

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from thermid.campaign.filed import Filed, filed
+from thermid.campaign.hand import Filed, filed
 from thermid.cli.options import pairs, with_unit
 from thermid.errors import ScenarioError
 from thermid.model.deck.modelfile import load_model

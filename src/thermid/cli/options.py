@@ -15,7 +15,7 @@ from thermid.reporting.blocks.pdf import browser, page_to_pdf
 from thermid.reporting.pages.views import SCHEMA, clean
 
 if TYPE_CHECKING:
-    from thermid.knowledge.standing import Standing
+    from thermid.model.parts.parameter import Standing
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]

@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from thermid.campaign.filed import filed
+from thermid.campaign.hand import filed
 from thermid.cli.inputs import say_first
 from thermid.cli.options import Accept, Data, Force, Json, KeepValues, Page, Pdf, leave, ready, say, written
 from thermid.errors import DeckError, ScenarioError
 from thermid.judge import correlation
 from thermid.judge.correlation import read_two
-from thermid.knowledge.standing import of_model
+from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
 from thermid.qualify import deliver as delivery
 from thermid.qualify.lock import lock_plan, lock_status
@@ -155,7 +155,7 @@ def deliver(
         say_first(laid, file)
         model = laid.model
         values_laid.append(laid.values)
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     target = delivery.deliver(model, scenario, to, values=values_laid, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))
     mark = f" ({record['watermark']})" if record["watermark"] else ""

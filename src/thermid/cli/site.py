@@ -9,7 +9,7 @@ import typer
 
 from thermid.cli.inputs import fitted_model, scenario_of
 from thermid.cli.options import Accept, Boundaries, Deck, Duration, Json, KeepValues, Start, ValuesPath, leave, pairs, say, with_unit
-from thermid.knowledge.standing import of_model
+from thermid.knowledge.store import model_standing
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.site import moisture as water
@@ -32,7 +32,7 @@ def moisture(
 ) -> None:
     """Say of every surface its margin to the dew point, the minutes of condensation, and when it is dry."""
     model = fitted_model(deck, values, keep_values)
-    standing = of_model(model).accept(accept or ())
+    standing = model_standing(model).accept(accept or ())
     conditions = scenario_of(scenario, boundary, [], start, duration)
     written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
     known: dict[str, Any] = {

@@ -2,34 +2,406 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.design.actions import Action, Aim, usual_actions
 from thermid.design.planned import Sensor, planned_record, sensors_of
-from thermid.design.ranking import Advice, Option
+from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.gather import build_problem
+from thermid.fit.problem.experiment import role_and_target
+from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
+from thermid.fit.uncertainty.groups import percent
+from thermid.knowledge.sources import Normal, Source
 from thermid.linear_algebra import variance
-from thermid.model.laws.signal import literal
+from thermid.measure.amounts import duration_text, short
+from thermid.model.laws.signal import Constant, Signal, TableSignal, literal
+from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
-from thermid.prediction.before import WITHOUT_GAS, Before, before_fit, before_model, unknown_of
-from thermid.prediction.doubts import doubted, doubts_without_gas
+from thermid.network.network import compile_network
+from thermid.physics.finishes import finish
+from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.known import Known, Rows, instruments_of, rows_of
+from thermid.prediction.setting import Setting
+from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.simulator import network_for
 
 Array = NDArray[np.float64]
+CHAMBER_STEP = 20.0
+"""Step of a chamber that costs little and is far from what most parts fear. [K]"""
+FELT = 0.1
+"""Part of the error now below which what else a prediction has is not spoken of."""
+WITHOUT_GAS = " without gas"
+"""After the name of a value that is another one without gas."""
+BESIDE = (CONSTANT, MISFIT)
+"""Causes that a test adds no information to: they are said beside."""
+OPEN = ": open"
+"""After the name of a value, its source where no fit has a finite error of it."""
+THIN = 1e4
+"""Pressure below which gas no longer does what it did in the room. [Pa]"""
+EMISSIVITY = 0.15
+"""What an emissivity of a deck is good to, where no finish says it. [-]"""
+JOINT = 0.7
+"""Standard deviation of the logarithm of a joint's conductance without gas about that with it: a factor of two either way. Gas carries more
+than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
 NAME = "next test"
 DURATIONS = 24
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A temperature that is to be known better.
+
+    Parameters
+    ----------
+    scenario : Scenario     Where.
+    node : str              Of what.
+    at : str or float       When; the end when empty. [s]
+    """
+
+    scenario: Scenario
+    node: str
+    at: str | float = ""
+
+    def __str__(self) -> str:
+        """It in words."""
+        when = f" at {self.at}" if self.at else " at the end"
+        return f"'{self.node}' in '{self.scenario.title}'{when}"
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A test that could be made.
+
+    Parameters
+    ----------
+    name : str                  In words.
+    scenario : Scenario         What is done; its duration is the longest that is thought of.
+    sensors : tuple of Sensor   What is logged; empty for the sensors there are.
+    """
+
+    name: str
+    scenario: Scenario
+    sensors: tuple[Sensor, ...] = ()
+
+
+def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -> tuple[Action, ...]:
+    """Return the tests that are usually at hand: the same for longer, power and chamber steps, other powers, another sensor, a pump-down.
+
+    Parameters
+    ----------
+    model : Model
+    scenario : Scenario             A test as it was made; its duration holds for all.
+    sensors : sequence of Sensor    What is logged.
+    """
+    network = network_for(model, scenario)
+    half = 0.5 * scenario.seconds
+    out = [Action("the same test again", scenario)]
+    powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
+    metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
+    for load, own in powers.items():
+        watts = _level(scenario.loads.get(load), own)
+        if watts > 0 and load not in scenario.commands:
+            # a power that nobody meters is as unknown at twice its level as it is now: then the command changes, not the power
+            table, unit = ("loads", watts) if load in metered else ("commands", 1.0)
+            words = f"from {watts:.3g} to {2 * watts:.3g} W" if load in metered else "to twice its power"
+            up, off = (TableSignal(np.array([0.0, half]), unit * np.array([1.0, end]), True) for end in (2.0, 0.0))
+            out.append(Action(f"'{load}' {words} after half the time", scenario.with_(**{table: {load: up}})))
+            twice = f"at {2 * watts:.3g} W" if load in metered else "at twice its power"
+            out.append(Action(f"'{load}' {twice}", scenario.with_(**{table: {load: Constant(2.0 * unit)}})))
+            out.append(Action(f"'{load}' off after half the time", scenario.with_(**{table: {load: off}})))
+    for boundary, signal in scenario.boundaries.items():
+        level = _level(signal, 0.0)
+        ramp = TableSignal(
+            np.array([0.0, half, half + 600.0, max(2.0 * half, half + 601.0)]), level + np.array([0.0, 0.0, 1.0, 1.0]) * CHAMBER_STEP
+        )
+        made = scenario.with_(boundaries={boundary: ramp})
+        out.append(Action(f"'{boundary}' {CHAMBER_STEP:g} K warmer after half the time", made))
+    seen = {s.target for s in sensors if s.role == "node"}
+    noise = min((s.noise for s in sensors if s.role == "node" and s.noise), default=0.1)
+    accuracy = next((s.accuracy for s in sensors if s.role == "node" and s.accuracy), None)
+    for node in (n for n in network.nodes if n not in seen):
+        more = Sensor(f"new sensor at {node}", node, "node", noise, accuracy)
+        out.append(Action(f"the same with a sensor at '{node}'", scenario, (*sensors, more)))
+    out.append(Action("the same, pumped down", scenario.vacuum()))
+    return tuple(out)
+
+
+def _level(signal: Signal | None, own: float) -> float:
+    """Return where a signal begins."""
+    return own if signal is None else float(signal.at(np.zeros(1))[0])
+
+
+@dataclass(frozen=True)
+class Option:
+    """A test that could be made, and what it would be worth.
+
+    Parameters
+    ----------
+    name : str              What is done.
+    error : float           Standard error of the target after all of it; infinite where it cannot be made. [SI]
+    hours : float           Duration after which the goal is met, or, without one, nine tenths of the gain are in; infinite where never.
+    longest : float         Its whole duration. [h]
+    errors : array (durations, 2)   Duration [h] and error [SI].
+    refused : str           Why it cannot be made; empty where it can.
+    """
+
+    name: str
+    error: float
+    hours: float
+    longest: float
+    errors: Array
+    refused: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """What to test next.
+
+    Parameters
+    ----------
+    target : str            What is to be known better.
+    value, now : float      Its value and standard error now. [SI]
+    unit : str              'K' for a prediction; SI unit of a parameter otherwise.
+    goal : float            Error to be reached; nan without one. [SI]
+    options : tuple         The best first.
+    beside : dict           Of a prediction: cause -> standard error [K] that it has besides and that these figures leave out.
+    """
+
+    target: str
+    value: float
+    now: float
+    unit: str
+    goal: float
+    options: tuple[Option, ...]
+    beside: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Option:
+        """The first option."""
+        return self.options[0]
+
+    def _shown(self, error: float) -> str:
+        return f"{short(error)} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
+
+    def __str__(self) -> str:
+        """Return a table: what to do, what error it leaves, how long it takes."""
+        aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
+        lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
+        width = max(len(o.name) for o in self.options)
+        for o in self.options:
+            if o.refused:
+                lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
+                continue
+            gain = f"{short(self.now / o.error)} times better" if self.now > 1.02 * o.error else "no better"
+            took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
+            what = "goal after" if np.isfinite(self.goal) else "most of it after"
+            long = duration_text(3600 * o.longest)
+            when = f"{what} {took} of {long}" if took else f"goal not within {long}"
+            lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
+        felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
+        if felt:
+            named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
+            lines.append(f"  Not in these figures: {named}.")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What a budget says before a test, and what the budget does not hold: instruments.
+
+    Parameters
+    ----------
+    budget : Budget         Of what is known, in the scenario of the prediction that is asked for.
+    instruments : Rows      Constant errors of sensors and powers; sources that values respond to as well bear one name.
+    readings : dict         Instrument -> its value. [SI]
+    held : dict             Name -> information that a prior has brought already, in the fitted form.
+    spread : float          Readings scatter so many times as much as their noise says. [-]
+    untie : bool            Whether instances have values of their own.
+    thin : bool             Whether it was learnt with thin gas already.
+    split : tuple of str    Emissivities that an effective coefficient was split into.
+    """
+
+    budget: Budget
+    instruments: Rows = field(default_factory=Rows)
+    readings: Mapping[str, float] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
+    spread: float = 1.0
+    untie: bool = False
+    thin: bool = False
+    split: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model, effective coefficients split where the prediction needs it."""
+        return self.budget.model
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        """Source -> its column."""
+        own = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in BESIDE]
+        return {name: k for k, name in enumerate(dict.fromkeys([*own, *(s.name for s in self.instruments.sources)]))}
+
+    @property
+    def information(self) -> Array:
+        """What is known of each source (sources,): one, or nothing of a value without a finite error."""
+        return np.array([0.0 if name.endswith(OPEN) else 1.0 for name in self.place])
+
+    @cached_property
+    def free(self) -> dict[str, tuple[str, ...]]:
+        """Parameter that is not known exactly -> all paths that share its value."""
+        return {t.name: (t.name, *t.also) for t in self.budget.targets if t.form in ("add", "log")}
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Name -> value, of parameters and instruments. [SI]"""
+        numbers = compile_network(self.model).numbers().values
+        return {p: float(value_of(numbers[p])) for p in self.free} | dict(self.readings)
+
+    @cached_property
+    def responses(self) -> dict[str, Array]:
+        """Name -> what a standard deviation of each source (sources,) does to the value; without gas by a name of its own. [SI]"""
+        out: dict[str, Array] = {}
+        for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
+            if t.form in ("add", "log", "factor"):
+                moved = (1.0 if t.form == "add" else self.values[t.name]) * self.placed(row)
+                out[t.name + WITHOUT_GAS if t.form == "factor" else t.name] = moved + (out[t.name] if t.form == "factor" else 0.0)
+        for name, log, row in zip(self.instruments.names, self.instruments.log, self.instruments.matrix, strict=True):
+            own = np.zeros(len(self.place))
+            own[[self.place[s.name] for s in self.instruments.sources]] = row
+            out[name] = own * (self.values[name] if log else 1.0)
+        return out
+
+    def placed(self, column: Array) -> Array:
+        """Return what a standard deviation of each source does (sources,), from what a unit of each source of the budget does."""
+        out = np.zeros(len(self.place))
+        for s, size, x in zip(self.budget.sources, self.budget.sizes, column, strict=True):
+            if s.name in self.place:
+                out[self.place[s.name]] = size * x
+        return out
+
+    def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
+        """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
+        linear = Setting.of(self.budget, times=[at]).linear([node])
+        (columns,) = linear.columns.values()
+        parts = self.budget.parts(columns[:1])
+        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in BESIDE}
+        return self.placed(columns[0]), float(linear.run[node].kelvin[0]), beside
+
+
+def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
+    """Return what a fit knows, at every depth; with a scenario what it knows of that one, as in `predict`.
+
+    Raises
+    ------
+    IdentificationError   When a coefficient that must be split cannot be.
+    """
+    known = _opened(Known.of(fit))
+    rows = rows_of(known)
+    budget = budget_of(known, scenario) if scenario is not None else Budget.of_rows(rows, known.model)
+    states = fit.store.states
+    instruments = instruments_of(known)
+    return Before(
+        budget,
+        instruments,
+        {n: states[n].value for n in instruments.names},
+        {n: s.prior[1] ** -2 for n, s in states.items() if s.prior is not None},
+        max(1.0, fit.reduced_chi_square) ** 0.5,
+        fit.request.untie if fit.request is not None else False,
+        any(e.scenario.environment for e in fit.experiments),
+        tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
+    )
+
+
+def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: Scenario | None = None) -> Before:
+    """Return what priors say of a model.
+
+    Raises
+    ------
+    IdentificationError   When there are none.
+    """
+    if not priors:
+        raise IdentificationError("a model alone says nothing of what it does not know: give priors, or a fit.", model.title)
+    parameters = compile_network(model).flat.parameters
+    texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors.items()}
+    unknowns = [unknown_of(model, p) for p in texts]
+    spreads = np.array([prior_of(u, texts[u.name]).sd for u in unknowns])
+    sources = tuple(Source(u.name, "stated", Normal(), f"the prior of {u.name}") for u in unknowns)
+    rows = Rows(tuple(texts), tuple(u.log for u in unknowns), {}, sources, ("stated",) * len(sources), np.diag(spreads))
+    return Before(Budget.of_rows(rows, model, scenario))
+
+
+def unknown_of(model: Model, path: str) -> Unknown:
+    """Return the unknown that a parameter of a model would be."""
+    parameters = compile_network(model).flat.parameters
+    return parameter_unknown(
+        path, parameters.table[path].parameter, parameters.dimension(path), float(parameters.evaluate({})[path]), (), None
+    )
+
+
+def _opened(known: Known) -> Known:
+    """Return it with a source of its own for each value that its fit has no finite error of."""
+    fit = known.fit
+    assert fit is not None
+    store = fit.store
+    loose = [k for k, s in enumerate(store.states.values()) if not s.known and s.origin.kind == "fit"]
+    if not loose:
+        return known
+    names = [list(store.states)[k] for k in loose]
+    sources = tuple(Source(n + OPEN, "data", Normal(), f"nothing is known of {n}") for n in names)
+    root = np.hstack([store.root, np.zeros((len(store.states), len(loose)))])
+    root[loose, len(store.sources) + np.arange(len(loose))] = 1.0
+    states = {n: replace(s, known=True) if n in names else s for n, s in store.states.items()}
+    whole = replace(store, states=states, sources=(*store.sources, *sources), root=root)
+    values = fit.values.only([n for n in fit.values if n not in names])
+    return replace(known, fit=replace(fit, store=whole), values=(values,))
+
+
+def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
+    """Return path -> relative standard deviation of what thin gas meets and air does not tell; empty where gas stays as it is."""
+    if not any(e.pressure.bounds[0] < THIN for e in scenario.environment.values()):
+        return {}
+    flat = compile_network(model).flat
+    parameters = flat.parameters
+    out: dict[str, float] = {}
+
+    def doubt(path: str, size: float) -> None:
+        root = parameters.literal_behind(path)
+        given: Parameter = parameters.table[root].parameter
+        if given.is_literal and parameters.evaluate({})[root] > 0:
+            out[root] = size
+
+    finishes = {parameters.literal_behind(path): finish(named).log_sd for path, named in flat.finishes.items()}
+    for c in flat.conductors:
+        for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
+            doubt(path, finishes.get(parameters.literal_behind(path), EMISSIVITY))
+        if "contact_conductance" in c.fields:
+            doubt(c.fields["contact_conductance"], JOINT)
+    return out
+
+
+def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
+    """Return a problem whose doubtful values have priors of their own."""
+    unknowns = []
+    for u in problem.unknowns:
+        if u.name in doubts:
+            size = doubts[u.name]
+            u = replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
+        unknowns.append(u)
+    return replace(problem, unknowns=tuple(unknowns))
 
 
 @takes_objects
@@ -97,8 +469,6 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
     """Return the instruments of a fit's first record, with the noise that the fit used."""
     if not isinstance(source, Calibration) or source.problem is None:
         return ()
-    from thermid.fit.problem.experiment import role_and_target
-
     experiment = source.experiments[0]
     out = []
     for name, c in experiment.record.channels.items():
@@ -112,7 +482,8 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
 def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
     """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
     if not isinstance(target, str):
-        gradient, value, beside = known.temperature(target.node, _instant(target))
+        at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
+        gradient, value, beside = known.temperature(target.node, at)
         return gradient, value, str(target), "K", beside
     path = known.model.canonical(target)
     name = next((n for n, paths in known.free.items() if path in paths), None)
@@ -120,10 +491,6 @@ def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str,
         raise NameNotFoundError(f"'{target}' is not among what is looked for.{nearest(path, known.free)}", known.model.title)
     unit = unknown_of(known.model, name).unit
     return known.responses[name], known.values[name], f"'{path}'", unit if unit != "K" else "1", {}
-
-
-def _instant(aim: Aim) -> float:
-    return literal(aim.at, "s", "at") if isinstance(aim.at, str) and aim.at else float(aim.at or aim.scenario.seconds)
 
 
 def _goal(text: str, slot: str, value: float) -> float:

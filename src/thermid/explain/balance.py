@@ -91,7 +91,7 @@ def energy_balance(
     scenario: Scenario | None = None,
     limit: str | float = "1 [K/h]",
 ) -> EnergyBalance:
-    """Return where the heat of a measured stretch goes.
+    """Heat balance of a measured stretch: loads, heat to the boundaries, storage, and what is left unexplained.
 
     Parameters
     ----------

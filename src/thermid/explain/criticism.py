@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
-from thermid.explain.missing import Missing, missing_elements
+from thermid.explain.candidates import MissingElement, missing_elements
 from thermid.explain.whiteness import ljung_box, modes_of, periodogram, stretches, trace_likelihood
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
@@ -174,7 +174,7 @@ class Criticism:
 
 @takes_objects
 def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
-    """Return what the residuals of a fit say against its model.
+    """Residual analysis of a fit: are the residuals white noise, and which missing element would explain them?
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     return out
 
 
-def _tried(fit: Calibration, old: tuple[float, int], missing: Missing, modes: Modes) -> Candidate:
+def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, modes: Modes) -> Candidate:
     """Return what a refit with an element says."""
     before = _rmse(fit)
     try:

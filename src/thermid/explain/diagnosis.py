@@ -1,10 +1,9 @@
-"""Which group of parameters would explain deviations: each fault tried by itself, with the sensitivities of every reading to it."""
+"""Fault diagnosis by linear evidence: each fault is tried by itself, with the sensitivities of every reading to it."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,153 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.dual import value_of
 from thermid.errors import IdentificationError, ThermidError
+from thermid.explain.candidates import GROUPS, Fault, faults_of
 from thermid.fit.calibration import Calibration
-from thermid.model.parts.elements import Conductor
-from thermid.model.parts.parameter import parameter
-from thermid.model.tree.model import Model
-from thermid.network.network import Network, compile_network
 from thermid.simulation.simulator import Simulator, prepare
 
 Array = NDArray[np.float64]
-GROUPS = {
-    "boundary or reference": "the chamber's or room's temperature, or an error that all sensors share: reference junction, logger",
-    "power": "what is dissipated, or how it was measured",
-    "link": "a path of heat that is missing, or stronger or weaker than it is modelled",
-    "capacitance": "a mass or a specific heat",
-    "sensor": "one sensor: off, or come loose",
-}
-"""Group of parameters -> what it stands for."""
-KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
-"""How large a fault is taken to be, as standard deviations: temperatures [K], powers and capacitances [-], the part of its reading that a
-loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
-between groups of like evidence."""
-ADDED = "suspected_link_"
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One thing that may be wrong.
-
-    Parameters
-    ----------
-    group : str         A key of `GROUPS`.
-    name : str          What it is.
-    free : str          What varies in a simulation; empty for what acts on readings alone.
-    size : float        Standard deviation of the fault that is thought possible, in its own unit.
-    one_sided : bool    Whether it can only be above zero.
-    unit : str          K, 1, W/K.
-    sensor : str        The sensor that it acts on, where it is one.
-    start : float       The value in the model; what varies is added to it. [SI]
-    """
-
-    group: str
-    name: str
-    free: str
-    size: float
-    one_sided: bool = False
-    unit: str = "1"
-    sensor: str = ""
-    start: float = 0.0
-
-    def words(self, amount: float) -> str:
-        """Return what a fault of a size means."""
-        if self.group == "sensor":
-            return f"{self.name} {amount:+.1f} K" if self.unit == "K" else f"{self.name}: {100 * amount:.0f} % of its reading is the room"
-        if self.unit == "K":
-            return f"{self.name} {amount:+.1f} K"
-        return f"{self.name} {amount:+.3g} W/K" if self.unit == "W/K" else f"{self.name} {100 * amount:+.0f} %"
-
-
-def laid_open(model: Model) -> Model:
-    """Return a model of which every node may be linked from outside."""
-    parts = {name: replace(part, model=laid_open(part.model)) for name, part in model.submodels.items()}
-    own = [*model.nodes, *(f"{name}.{offered}" for name, part in parts.items() for offered in part.model.offers)]
-    return replace(model, submodels=parts, offers=tuple(dict.fromkeys([*model.offers, *own])))
-
-
-def suspects(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fault, ...]]:
-    """Return a model with a link of no conductance between every two masses, and everything in it that may be wrong.
-
-    Parameters
-    ----------
-    model : Model       The model.
-    sensors : dict      Sensor -> its node.
-    """
-    network = compile_network(model)
-    numbers = network.numbers()
-    held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
-    pairs = [p for p in itertools.combinations([*held, *network.boundaries], 2) if not set(p) <= set(network.boundaries)]
-    strength, joined = _strength(network), _joined(network, {*held, *network.boundaries})
-    links, out = {}, []
-    for k, (a, b) in enumerate(pairs):
-        name = f"{ADDED}{k}"
-        links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
-        size = MORE * min(strength.get(n, np.inf) for n in (a, b) if n in held)
-        known = frozenset((a, b)) in joined
-        text = f"link {a} - {b}" if known else f"missing link {a} - {b}"
-        out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not known, "W/K"))
-    out.append(Fault("boundary or reference", "all sensors", "", KELVIN, unit="K"))
-    out += [Fault("boundary or reference", f"boundary {b}", b, KELVIN, unit="K") for b in network.boundaries]
-    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SHARE, start=1.0) for load in network.flat.loads]
-    out += [Fault("capacitance", f"capacitance of {node}", path, SHARE, start=value) for node, path, value in _masses(network, held)]
-    out += [Fault("sensor", s, "", KELVIN, unit="K", sensor=s) for s in sensors]
-    out += [Fault("sensor", f"{s} loose", "", LOOSE, True, "1", s) for s in sensors]
-    grown = laid_open(model)
-    return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
-
-
-def _strength(network: Network) -> dict[str, float]:
-    """Return node -> sum of the constant conductances that end at it. [W/K]"""
-    out: dict[str, float] = {}
-    for row in network.numbers().conductors:
-        size = abs(float(value_of(row.coefficients[0]))) if row.coefficients else 0.0
-        for n in row.ends:
-            out[n] = out.get(n, 0.0) + size
-    return {n: g for n, g in out.items() if np.isfinite(g) and g > 0}
-
-
-def _joined(network: Network, ends: set[str]) -> set[frozenset[str]]:
-    """Return the pairs of masses and boundaries that heat passes between directly or through nodes without mass."""
-    near: dict[str, set[str]] = {}
-    for row in network.numbers().conductors:
-        a, b = row.ends[0], row.ends[1]
-        near.setdefault(a, set()).add(b)
-        near.setdefault(b, set()).add(a)
-    out = set()
-    for begin in ends:
-        seen, todo = {begin}, [*near.get(begin, ())]
-        while todo:
-            n = todo.pop()
-            if n in seen:
-                continue
-            seen.add(n)
-            if n in ends:
-                out.add(frozenset((begin, n)))
-            else:
-                todo += near.get(n, ())
-    return out
-
-
-def _masses(network: Network, held: Mapping[str, float]) -> Iterator[tuple[str, str, float]]:
-    """Yield node, path and value of a number that this node's capacitance, and no other one's, is proportional to."""
-    table, values = network.flat.parameters, network.numbers().values
-    fields = {n.path: [p for p in n.fields.values() if p] for n in network.flat.nodes}
-    for node, own in held.items():
-        wanted = set(fields[node])
-        roots = [p for p in table.order if table.table[p].parameter.is_literal and wanted & set(table.downstream([p]))]
-        for path in roots:
-            value = float(value_of(values[path]))
-            after = network.numbers({path: 1.01 * value}).capacitances
-            moved = {n for n, c in held.items() if abs(float(value_of(after[n] or 0.0)) / c - 1.0) > 1e-9}
-            if moved == {node} and abs(float(value_of(after[node] or 0.0)) / own - 1.01) < 1e-9:
-                yield node, path, value
-                break
-
-
 BINS = 24
 """Stretches of time into which every log is thinned."""
+ROUNDS, REFITTED = 4, 6
+NOTHING = "nothing"
+MOST = 0.7
+"""Part of the weighted squares that a fault must take away to be called the explanation."""
+Tried = tuple[float, float, float, float, float]
+"""Log of the evidence over that of no fault, amount, its error, weighted squares left, RMS left [K]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,12 +150,6 @@ def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: 
     return out
 
 
-ROUNDS, REFITTED = 4, 6
-NOTHING = "nothing"
-MOST = 0.7
-"""Part of the weighted squares that a fault must take away to be called the explanation."""
-
-
 @dataclass(frozen=True)
 class Suspect:
     """One fault, tried by itself.
@@ -367,7 +227,7 @@ def diagnose(
     accuracy: float = 0.3,
     floor: float = 0.1,
 ) -> Diagnosis:
-    """Return which group of parameters would explain the deviations of readings from a model.
+    """Bayesian fault diagnosis: which group of parameters would explain the deviations of readings from a model.
 
     Every fault is tried by itself: its size that explains most, and the probability of the readings with it, a fault of any likely size
     being as likely beforehand as any other of its group, and each group as likely as the next (Bayes; Laplace's approximation about the
@@ -393,7 +253,7 @@ def diagnose(
             several[0].stage if several else "diagnose",
         )
     known = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
-    grown, candidates = suspects(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
+    grown, candidates = faults_of(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
     extra = list(spread or {})
     cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
     bench = FaultBench(cases, candidates, floor, known)
@@ -409,7 +269,7 @@ def diagnose(
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:
-    """Return probabilities of groups and faults from how well each explains."""
+    """Posterior probabilities of groups and faults, by the evidence of each."""
     z = bench.root @ bench.d
     whole = float(z @ z)
     tried = {k: _linear(bench, c, z) for k, c in enumerate(bench.candidates)}
@@ -432,10 +292,6 @@ def _weighed(bench: FaultBench) -> Diagnosis:
         found.append(Suspect(c.group, c.name, amount, error, c.unit, c.words(amount), probability, 1.0 - left / whole, rms))
     ranked_faults = sorted(found, key=lambda s: -s.probability)
     return Diagnosis(groups, tuple(ranked_faults[:20]), float(np.sqrt(np.mean(bench.d**2))))
-
-
-Tried = tuple[float, float, float, float, float]
-"""Log of the evidence over that of no fault, amount, its error, weighted squares left, RMS left [K]."""
 
 
 def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:

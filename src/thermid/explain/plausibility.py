@@ -38,7 +38,7 @@ EFFICIENCY = (0.6, 0.97)
 
 
 @dataclass(frozen=True)
-class Finding:
+class RangeCheck:
     """One fitted value against what is physical.
 
     Parameters
@@ -81,15 +81,15 @@ class Plausibility:
     Parameters
     ----------
     title : str                     The fit.
-    findings : tuple of Finding     One per value that a range is held for.
+    findings : tuple of RangeCheck     One per value that a range is held for.
     unjudged : tuple of str         Fitted parameters without a range.
     """
 
     title: str
-    findings: tuple[Finding, ...]
+    findings: tuple[RangeCheck, ...]
     unjudged: tuple[str, ...]
 
-    def __getitem__(self, path: str) -> Finding:
+    def __getitem__(self, path: str) -> RangeCheck:
         """Return the finding on a parameter.
 
         Raises
@@ -118,7 +118,7 @@ class Plausibility:
 
 @takes_objects
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
-    """Return what is physical of the values of a fit.
+    """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts, capacitances and losses.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> F
     return owners.get(root) if root else None
 
 
-def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Finding]:
+def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedValue]) -> Iterator[RangeCheck]:
     """Yield findings on coefficients of surfaces and joints."""
     surfaces = [c for c in network.flat.conductors if c.kind in ("effective", "convection") and "area" in c.fields]
     temperatures = _from_records(fit, surfaces)
@@ -165,10 +165,10 @@ def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedV
             gap = 0.026 / v.value
             less = f"A gap of air of {1e3 * gap:.2g} mm conducts as much: the faces hardly touch, or the area in contact is smaller"
             more = "No bare joint is as good: solder or foil reaches 1e6, or heat has a second way beside the joint"
-            yield Finding(v.path, v.value, v.error, *BARE, "contact of metal on metal", CONTACTS, less if v.value < BARE[0] else more)
+            yield RangeCheck(v.path, v.value, v.error, *BARE, "contact of metal on metal", CONTACTS, less if v.value < BARE[0] else more)
 
 
-def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: FittedValue, at: tuple[float, float]) -> Finding:
+def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: FittedValue, at: tuple[float, float]) -> RangeCheck:
     """Return what a correlation for a body of that area, and radiation where the coefficient holds it, say of a coefficient."""
     values = fit.values
     area = float(value_of(network.numbers({p: x.value for p, x in values.assignments.items()}).values[c.fields["area"]]))
@@ -189,10 +189,10 @@ def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: Fitted
         meaning = "Too high for still air: it moves, heat leaves by a mount or a lead, the area is too small, or the power too large"
     else:
         meaning = "More than slow fans bring: heat leaves by a mount or a lead, the area is too small, or the power too large"
-    return Finding(v.path, v.value, v.error, low, high, what, "Lee, Yovanovich, Jafarpur 1991; emissivity 0.02 to 0.98", meaning)
+    return RangeCheck(v.path, v.value, v.error, low, high, what, "Lee, Yovanovich, Jafarpur 1991; emissivity 0.02 to 0.98", meaning)
 
 
-def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Finding]:
+def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[RangeCheck]:
     """Yield findings on values that have a range wherever they stand."""
     conductivities = [m.conductivity for m in MATERIALS.values()]
     ranges = {
@@ -226,10 +226,10 @@ def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Find
             v = _behind(network, path, owners) if name in ranges else None
             if v is not None:
                 low, high, what, source, meaning = ranges[name]
-                yield Finding(v.path, v.value, v.error, low, high, what, source, meaning)
+                yield RangeCheck(v.path, v.value, v.error, low, high, what, source, meaning)
 
 
-def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], weights: Mapping[str, str]) -> Iterator[Finding]:
+def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], weights: Mapping[str, str]) -> Iterator[RangeCheck]:
     """Yield findings on capacitances of parts whose weight is known."""
     numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
     for raw, text in weights.items():
@@ -248,10 +248,10 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
                 else ("part of the mass does not follow at this pace, or the power is too small")
             )
             low, high = HEAT[0] * weight * scale, HEAT[1] * weight * scale
-            yield Finding(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
+            yield RangeCheck(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
 
 
-def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], delivered: Mapping[str, str]) -> Iterator[Finding]:
+def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], delivered: Mapping[str, str]) -> Iterator[RangeCheck]:
     """Yield findings on powers of parts that hand on a known power."""
     for raw, text in delivered.items():
         path = fit.model.canonical(raw)
@@ -265,7 +265,7 @@ def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue
             low, high = (out * (1.0 / e - 1.0) for e in reversed(EFFICIENCY))
             meaning = "A larger loss than converters have, or heat of another part" if watts > high else "Less than any converter loses"
             what = f"the loss of a converter that hands on {out:.3g} W at {100 * EFFICIENCY[0]:.0f} to {100 * EFFICIENCY[1]:.0f} %"
-            yield Finding(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
+            yield RangeCheck(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
         else:
             raise IdentificationError(
                 f"'{raw}' has no power in this fit, so a loss of it cannot be judged. Name a load that heats.", "delivered"

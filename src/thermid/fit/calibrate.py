@@ -28,12 +28,12 @@ from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
 from thermid.fit.uncertainty.information import Responses, responses
 from thermid.fit.uncertainty.moved import Moves, moves_above
 from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
-from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, worst
-from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.measure import Record
 from thermid.measure.amounts import short, some
 from thermid.model.laws.signal import TableSignal
+from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.identity import identity_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import deck_text, parameter_table
@@ -122,7 +122,7 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     key = key_for(request)
     rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
     known = [not found.unlimited[k] for k in kept]
-    origin = Origin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
+    origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
     decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
     states = {v.path: replace(state_of(v, origin, decks), known=sure) for v, sure in zip(values.values(), known, strict=True)}
     seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
@@ -171,7 +171,7 @@ def _left(state: State, here: set[str]) -> State | None:
     return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
 
 
-def state_of(v: FittedValue, origin: Origin, decks: Mapping[str, str]) -> State:
+def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> State:
     """Return the state that a value of a stage is; `decks` has the texts of the decks' values by path."""
     parameter = v.kind == "parameter"
     return State(

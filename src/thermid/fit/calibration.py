@@ -17,11 +17,10 @@ from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
 from thermid.fit.uncertainty.moved import Moves
 from thermid.fit.uncertainty.noise import Autocorrelation
-from thermid.knowledge.standing import UNJUDGED, Standing, worst
 from thermid.knowledge.store import State, Store
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.knowledge.values_file import save_store
+from thermid.knowledge.values import FittedValue, FittedValues, save_store
 from thermid.measure.amounts import digits, short
+from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table

@@ -17,11 +17,12 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.judge.metrics import Residuals
-from thermid.knowledge.standing import UNJUDGED, Standing, of_model
+from thermid.knowledge.store import model_standing
 from thermid.measure import Record, read_record
 from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.record.channel import gap_from, usual_step
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.sourced import weigh
 
 Array = NDArray[np.float64]
@@ -249,7 +250,7 @@ def correlate(
     """
     standing = UNJUDGED
     if isinstance(readings, Calibration):
-        pairs, standing = overlays(readings), of_model(readings.fitted_model)
+        pairs, standing = overlays(readings), model_standing(readings.fitted_model)
     elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         pairs = paired(readings[0], readings[1])
     else:

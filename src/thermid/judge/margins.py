@@ -14,7 +14,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.judge.limits import Limits, times_in_state
-from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import Foresight
 from thermid.sourced import Figure, weakest

@@ -22,8 +22,8 @@ from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import SensorStatistics, SensorTrace
 from thermid.judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.judge.metrics import Residuals
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.measure import Record
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced import VERDICTS, weigh

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.campaign.filed import filed
+from thermid.campaign.hand import filed
 from thermid.errors import DeckError, ScenarioError, nearest
 from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.knowledge.values import FittedValues
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.drivers import Driver, drivers_of
 from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs

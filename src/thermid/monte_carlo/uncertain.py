@@ -15,19 +15,17 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, LeftOut, Source
-from thermid.knowledge.standing import Standing, of_model
+from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValues
 from thermid.model.laws.signal import literal
+from thermid.model.parts.parameter import Standing
 from thermid.model.tree.model import Model
 from thermid.monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.budget import Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction.known import known_of
-from thermid.prediction.omitted import assumed_left_out, first_line, in_order
 from thermid.prediction.setting import Setting
-from thermid.prediction.spread import Spread
-from thermid.prediction.stated import check_variants
 from thermid.reduction.macro import assumed
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.simulator import output_times
@@ -198,7 +196,7 @@ class UncertainRuns:
     @cached_property
     def standing(self) -> Standing:
         """Of the values that it rests on."""
-        return of_model(self.job.model)
+        return model_standing(self.job.model)
 
     @cached_property
     def assumed(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,13 +16,11 @@ from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.measure import Record
-from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, TableSignal, literal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
-from thermid.power.history import PowerHistory
-from thermid.power.regularised import ROUNDS, Pins, Solved, solved
+from thermid.power.history import PowerHistory, watts, with_load
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit
@@ -32,6 +30,7 @@ PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120
 WIDE = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
+ROUNDS = 12
 
 
 @takes_objects
@@ -48,7 +47,7 @@ def power_history(
     every: str = "",
     prior: str = "auto",
 ) -> PowerHistory:
-    """Return the history of a load's power from a log of temperatures.
+    """Input estimation: the history of a load's power from a log of temperatures.
 
     The power is piecewise linear over even knots. Its prior is a random walk, or the integral of one, whose strength has the largest
     marginal likelihood (Wahba, Ann. Stat. 13 (1985) 1378; MacKay, Neural Comp. 4 (1992) 415). With the kernel's derivatives a step is exact
@@ -87,27 +86,14 @@ def power_history(
     if logged:
         raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
     knots, pins = _knots(record, every, known, accuracy, where)
-    base = WIDE * max(_nominal(model, path), 1.0)
+    nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
+    base = WIDE * max(abs(float(nominal)), 1.0)
     asked, basis = _asked(model, record, path, scenario, free, priors, knots)
     problem = build_problem(asked)
     hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
     problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
     found = solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))
     return _history(asked, problem, path, knots, pins, found)
-
-
-def with_load(model: Model, path: str, load: HeatLoad) -> Model:
-    """Return the model with a load in place of the one at a path, or beside the others."""
-    part, _, name = path.rpartition(".")
-    inner = model.submodel(part) if part else model
-    changed = replace(inner, loads={**inner.loads, name: load})
-    return model.with_part(part, changed) if part else changed
-
-
-def watts(into: str, **fields: object) -> HeatLoad:
-    """Return a load as a deck would write it."""
-    deck = {"title": "load", "nodes": {"n": {"capacitance": "1 [J/K]"}}, "loads": {"q": {"into": "n", **fields}}}
-    return replace(model_from_dict(deck).loads["q"], into=into)
 
 
 def _plain(model: Model, load: str) -> tuple[str, Model]:
@@ -121,13 +107,6 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
     fields = {k: v for k, v in given.fields.items() if k == "power"}
     plain = replace(given, fields=fields, sensor="", curve=None) if fields else watts(given.into, power="1 [W]")
     return path, with_load(model, path, plain)
-
-
-def _nominal(model: Model, path: str) -> float:
-    """Return the power that the deck gives the load. [W]"""
-    network = compile_network(model)
-    values = network.flat.parameters.evaluate({})
-    return abs(float(values.get(f"{path}.power", 0.0)))
 
 
 def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:
@@ -246,3 +225,119 @@ def _without(model: Model, path: str, count: int) -> Model:
     kept = {n: v for n, v in inner.loads.items() if not n.startswith(f"{name}_at_")}
     changed = replace(inner, loads=kept)
     return model.with_part(part, changed) if part else changed
+
+
+@dataclass(frozen=True, eq=False)
+class Pins:
+    """Knots whose power is known: positions, powers [W], standard deviations [W]; and where the sections between jumps begin and end."""
+
+    at: NDArray[np.int64]
+    power: Array
+    sd: Array
+    sections: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The end: values of all unknowns, their covariance, what the data see of them, and the prior that was taken."""
+
+    x: Array
+    covariance: Array
+    seen: Array
+    prior: str
+    converged: bool
+
+
+def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequence[str]) -> Solved:
+    """Return the unknowns of a problem whose last are the powers at the knots."""
+    count = knots.size
+    x = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
+    size, first = x.size, x.size - count
+    pinned = np.zeros((pins.at.size, size))
+    pinned[np.arange(pins.at.size), first + pins.at] = 1.0 / pins.sd
+    stated = all(o.noise is not None for o in problem.observations())
+    theta = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"]
+    force = np.zeros(size)
+    for _ in range(ROUNDS):
+        found = problem.compressed(x)
+        rows, slopes = problem.prior_rows(x)
+        # linearised: |A z - g|^2 of the data, of the priors of all other unknowns, and of the stretches of known power
+        sides = [(found.slopes, found.slopes @ x - found.rows), (slopes, slopes @ x - rows), (pinned, pins.power / pins.sd)]
+        level = 1.0
+        for _ in range(1 if stated else 4):
+            scaled = [(a / np.sqrt(level), g / np.sqrt(level)) if k == 0 else (a, g) for k, (a, g) in enumerate(sides)]
+            best = max((_likeliest(scaled, force, knots, pins, base, p) for p in priors), key=lambda f: f[0])
+            _, taken, z, h = best
+            if not stated:
+                left = sides[0][0] @ z - sides[0][1]
+                data = scaled[0][0].T @ scaled[0][0]
+                worth = float(np.trace(np.linalg.solve(h, data)))
+                level = float(left @ left) / max(problem.samples - worth, 1.0)
+        z = np.clip(z, low, high)
+        force = _margin(problem, x, found.slopes / np.sqrt(level), h, theta, level)
+        step, x = z - x, z
+        sd = np.sqrt(np.diag(np.linalg.inv(h)))
+        if (np.abs(step) < 0.01 * sd + 1e-9 * np.abs(x)).all():
+            break
+    else:
+        return Solved(x, np.asarray(np.linalg.inv(h)), np.asarray(scaled[0][0].T @ scaled[0][0]), taken, False)
+    return Solved(x, np.asarray(np.linalg.inv(h)), np.asarray(scaled[0][0].T @ scaled[0][0]), taken, True)
+
+
+def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence[int], level: float) -> Array:
+    """Return what the logarithm of the margin over the history adds to the derivatives (unknowns,) of the parameters.
+
+    The mode of history and parameters together is not that of the parameters alone: a smaller capacitance makes a smoother history, which
+    its prior likes, though the readings then say more of it. The margin holds the one against the other: ``-1/2 d log|H| / d parameter``,
+    H the information on all else.
+    """
+    out = np.zeros(x.size)
+    others = np.setdiff1d(np.arange(x.size), theta)
+    inverse = np.linalg.inv(h[np.ix_(others, others)])
+    here = slopes[:, others].T @ slopes[:, others]
+    for k in theta:
+        moved = x.copy()
+        moved[k] += 1e-3 * problem.unknowns[k].scale
+        there = problem.compressed(moved).slopes[:, others]
+        out[k] = -0.5 * float(np.sum(inverse * (there.T @ there / level - here))) / (moved[k] - x[k])
+    return out
+
+
+def _likeliest(
+    sides: Sequence[tuple[Array, Array]], force: Array, knots: Array, pins: Pins, base: float, prior: str
+) -> tuple[float, str, Array, Array]:
+    """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, and their information."""
+    size, count = sides[0][0].shape[1], knots.size
+    first = size - count
+    data = sum((a.T @ a for a, _ in sides), np.zeros((size, size)))
+    right = sum((a.T @ g for a, g in sides), force.copy())
+    square = float(sum(g @ g for _, g in sides))
+    rough = _roughness(knots, pins, 1 if prior == "walk" else 2)
+    held = np.eye(count) / base**2
+    scale = float(np.trace(sides[0][0][:, first:].T @ sides[0][0][:, first:])) / max(float(np.trace(rough)), 1e-300)
+
+    def at(strength: float) -> tuple[float, Array, Array]:
+        smooth = scale * 10.0**strength * rough + held
+        h = data.copy()
+        h[first:, first:] += smooth
+        z = np.linalg.solve(h, right)
+        logs = np.linalg.slogdet(smooth)[1] - np.linalg.slogdet(h)[1] - (square - float(right @ z))
+        return 0.5 * float(logs), np.asarray(z), np.asarray(h)
+
+    grid = np.arange(-8.0, 8.01, 0.5)
+    found = [(at(s)[0], s) for s in grid]
+    _, middle = max(found)
+    _, strength = max((at(s)[0], s) for s in middle + np.arange(-0.5, 0.51, 0.05))
+    value, z, h = at(strength)
+    return value, prior, z, np.asarray(h)
+
+
+def _roughness(knots: Array, pins: Pins, order: int) -> Array:
+    """Return D'D of differences between knots, of the first or second order; none reach across a jump."""
+    out = np.zeros((knots.size, knots.size))
+    for first, last in pairwise(pins.sections.tolist()):
+        if last - first > order:
+            rows = np.diff(np.eye(last - first), n=order, axis=0) / float(np.diff(knots[first:last]).mean()) ** (order - 0.5)
+            out[first:last, first:last] = rows.T @ rows
+    return out

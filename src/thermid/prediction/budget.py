@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import fnmatch
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -10,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError
+from thermid.dual import value_of
+from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import OperatingPoint, misfit_kept
+from thermid.fit.discrepancy import OperatingPoint, coefficient_path, constant_coefficients, kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
-from thermid.knowledge.standing import UNJUDGED, Standing
 from thermid.knowledge.values import FittedValues
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
+from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.network.network import compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
-from thermid.prediction.omitted import left_out_of
-from thermid.prediction.spread import Spread
-from thermid.prediction.stated import check_moves, expanded
 from thermid.prediction.structural import (
     CONSTANT,
     GAS_IN_JOINTS,
@@ -31,16 +31,141 @@ from thermid.prediction.structural import (
     modes_of,
     open_contacts,
     responses,
+    split_needed,
     split_rows,
 )
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 
 Array = NDArray[np.float64]
-Stated = Mapping[str, Any] | Spread
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
 Form = Literal["add", "log", "factor", "mode", "node"]
+TENTH = 0.1
+"""Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
+UNFITTED = "the model's own error: nothing was fitted, so no log says it"
+SILENT = "misfit: the fitted values do not say what their fit could not follow"
+FELT = 0.1
+"""Share of a band from which what it does not count is named in the first line. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How far some values may lie from where a model has them, normal or log-normal, correlated or not.
+
+    Parameters
+    ----------
+    cause : str                     What a reader is told: ``fit``, ``stated``, ``split of effective coefficients``.
+    names : tuple of str            Parameters, boundaries (a shift [K]), ``initial.<node>`` [K], ``scale.<load>`` (a factor on its power).
+    covariance : array              Of the values [SI], or of their logarithms where `log` says so.
+    log : tuple of bool             Which are spread in their logarithm; none by default.
+    also : dict                     Name -> other parameters that share its value.
+    """
+
+    cause: str
+    names: tuple[str, ...]
+    covariance: Array
+    log: tuple[bool, ...] = ()
+    also: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the parts against each other.
+
+        Raises
+        ------
+        IdentificationError   When lengths differ, or the covariance is none.
+        """
+        size = len(self.names)
+        covariance = np.asarray(self.covariance, dtype=float)
+        if covariance.shape != (size, size) or len(self.log) not in (0, size):
+            raise IdentificationError(f"{size} names need a covariance of {size} by {size}, and as many marks for logarithms.", self.cause)
+        loose = [n for n, v in zip(self.names, np.diag(covariance), strict=True) if not np.isfinite(v)]
+        if loose:
+            raise IdentificationError(f"'{loose[0]}' has no finite error. Leave it out, or give it a spread of its own.", self.cause)
+        sizes = np.linalg.eigvalsh(covariance) if size else np.zeros(0)
+        if not np.allclose(covariance, covariance.T, rtol=1e-6) or sizes.min(initial=0.0) < -1e-9 * sizes.max(initial=0.0):
+            raise IdentificationError("a covariance is symmetric, and no combination of values has a negative variance.", self.cause)
+        object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
+        object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
+
+    @classmethod
+    @takes_objects
+    def of(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
+        """Return what a fit leaves open, with its covariance.
+
+        Parameters
+        ----------
+        values : FittedValues   Of a calibration, or from a file.
+        at : str                The submodel that the values belong to; empty for the model itself.
+        cause : str             ``fit of <stage>`` by default.
+        """
+        found = values.bare()
+        ahead = f"{at}." if at else ""
+        also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in found.items() if v.also}
+        names, logs = tuple(ahead + p for p in found), tuple(v.log for v in found.values())
+        return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
+
+
+def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], Any]]:
+    """Return names that share one value, and how it is spread; patterns reach every number of the model that they match.
+
+    Instances of one part whose value stands in one place share it.
+
+    Raises
+    ------
+    NameNotFoundError   When a pattern reaches nothing.
+    """
+    if not any(c in raw for raw in stated for c in "*?["):
+        return [([raw], how) for raw, how in stated.items()]
+    table = parameter_table(model)
+    taken = {model.canonical(raw) for raw in stated}
+    out: list[tuple[list[str], Any]] = []
+    for raw, how in stated.items():
+        if not any(c in raw for c in "*?["):
+            out.append(([raw], how))
+            continue
+        same: dict[str, list[str]] = {}
+        for path, entry in table.items():
+            given = entry.parameter
+            bounded = given.minimum is not None and given.maximum is not None and given.minimum < given.maximum
+            if given.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
+                same.setdefault(entry.where, []).append(path)
+        if not same:
+            raise NameNotFoundError(f"the pattern '{raw}' reaches no number{' with min and max' if how == 'range' else ''}.", model.title)
+        # what is named wins over a pattern that reaches it
+        left = ([p for p in paths if p not in taken] for paths in same.values())
+        out += [(paths, how) for paths in left if paths]
+    return out
+
+
+def check_moves(names: Sequence[str], model: Model, scenario: Scenario) -> None:
+    """Refuse the spread of a deck's power where the scenario gives that power."""
+    driven = {f"{path}.power": load for load in scenario.loads for path in (load, model.canonical(load))}
+    still = next((n for n in names if n in driven or model.canonical(n) in driven), "")
+    if still:
+        load = driven.get(still, driven.get(model.canonical(still), ""))
+        raise IdentificationError(
+            f"the scenario gives the power of '{load}', so that of the deck, '{still}', moves nothing. Spread 'scale.{load}' in per cent.",
+            model.title,
+        )
+
+
+def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[Scenario]) -> None:
+    """Refuse a temperature itself as the spread of what differs between scenarios: a shift is the same in all of them."""
+    laws = []
+    for scenario in scenarios if len(scenarios) > 1 else ():
+        names = [n for n in stated if not any(c in n for c in "*?[")]
+        ready = prepare(model, scenario if scenario.seconds > 0 else scenario.with_(duration=1.0), names)
+        laws.append({n: ready.law(n, stated[n]).mean - ready.nominal[ready.canonical(n)] for n in names})
+    for name in laws[0] if laws else ():
+        if max(law[name] for law in laws) - min(law[name] for law in laws) > 1e-9:
+            raise ScenarioError(
+                f"the scenarios have different temperatures of '{name}', and its spread gives one for all. Give a shift in kelvin.",
+                model.title,
+            )
+
+
+Stated = Mapping[str, Any] | Spread
 
 
 @dataclass(frozen=True)
@@ -189,7 +314,7 @@ def budget_of(
     at: str = "",
     without: Sequence[str] = (),
 ) -> Budget:
-    """Return everything uncertain that bears on a scenario.
+    """Uncertainty budget of a scenario: every source, and how the inputs of the model respond to it.
 
     Parameters
     ----------
@@ -317,3 +442,122 @@ class _Making:
             for n, log in zip(spread.names, spread.log, strict=True)
         ]
         return self.beside(sources, spread.cause, targets, matrix)
+
+
+def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[LeftOut, ...]:
+    """Return what the budget of a question leaves out by what is known, and what the caller switched off."""
+    out = []
+    off = [s for s, cause in zip(whole.sources, whole.causes, strict=True) if {s.kind, cause, s.name} & {*without}]
+    if off:
+        causes = dict.fromkeys(cause for s, cause in zip(whole.sources, whole.causes, strict=True) if s in off)
+        out.append(LeftOut(f"{', '.join(causes)} (switched off)"))
+    network = compile_network(whole.model, media=whole.scenario.media(), prescribed=tuple(whole.scenario.prescribed))
+    silent = {stage: s for s in known.stores for stage, own in s.provenance.items() if kept_in(own) is None}
+    for stage, store in silent.items():
+        paths = [p for s in store.parameters.values() if s.origin.stage == stage for p in s.acts]
+        moved = set(network.flat.parameters.downstream(paths))
+        constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
+        if constant:
+            out.append(LeftOut(f"what constant coefficients leave out of {_listed(constant)}: the values of '{stage}' do not say it"))
+    if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
+        out.append(LeftOut(SILENT))
+    out += [x for s in known.stores for x in s.left_out]
+    fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
+    surfaces = {p for k in known.kept for p in k.surfaces}
+    taken = [*(n for t in whole.targets for n in (t.name, *t.also)), *known.assigned]
+    closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
+    if closed:
+        out.append(LeftOut(f"radiation without gas of {_listed(closed)}: no record says at which temperatures its coefficient holds"))
+    if not known.values:
+        out.append(LeftOut(UNFITTED))
+    once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
+    if once:
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({_listed(once)})", listed=True))
+    given = _given(whole)
+    if given:
+        out.append(LeftOut(f"inputs that nobody spread ({_listed(given)})", listed=True))
+    return tuple(out)
+
+
+def _given(budget: Budget) -> list[str]:
+    """Return what a scenario gives, boundaries, loads and the start, and nothing spreads."""
+    spread = {n for t in budget.targets for n in (t.name, *t.also)}
+    find, scenario = budget.model.canonical, budget.scenario
+    out = [b for b in scenario.boundaries if find(b) not in spread]
+    out += [x for x in scenario.loads if not {f"scale.{find(x)}", f"{find(x)}.power"} & spread]
+    return out + (["start"] if scenario.start and not any(n.startswith("initial.") for n in spread) else [])
+
+
+def in_order(left_out: Iterable[LeftOut]) -> tuple[LeftOut, ...]:
+    """Return what is left out with what a first line may name before what only the list has."""
+    return tuple(sorted(left_out, key=lambda x: x.listed))
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A value that a deck only assumes.
+
+    Parameters
+    ----------
+    path : str      In the model.
+    size : float    Standard deviation: by the range of its deck, or a tenth of itself. [SI]
+    ranged : bool   Whether its deck gives a range.
+    """
+
+    path: str
+    size: float
+    ranged: bool
+
+
+def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> list[Assumed]:
+    """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
+    table = parameter_table(model)
+    driven = {model.canonical(p) for p in (*scenario.schedule, *scenario.gains.values())}
+    moved = {p for n in driven if n in table for p in (n, ParameterSet(model).literal_behind(n))}
+    loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
+    numbers = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed)).numbers().values
+    out = []
+    for p in (p for p in loose if p not in taken and value_of(numbers[p])):
+        low, high = table[p].parameter.minimum, table[p].parameter.maximum
+        wide = high - low if low is not None and high is not None else np.inf
+        ranged = bool(np.isfinite(wide))
+        out.append(Assumed(p, wide / 12**0.5 if ranged else TENTH * abs(float(value_of(numbers[p]))), ranged))
+    return out
+
+
+def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tuple[tuple[LeftOut, Mapping[str, float]], ...]:
+    """Return the assumed values of decks that nothing spreads, with what they may move each node by once it settled (node -> K)."""
+    spread = {n for t in budget.targets for n in (t.name, *t.also)}
+    spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
+    spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}
+    loose = assumed_values(budget.model, budget.scenario, spread)
+    if not loose:
+        return ()
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({_listed([a.path for a in loose])})"
+    duration = budget.scenario if budget.scenario.seconds > 0 else budget.scenario.with_(duration=1.0)
+    ready = prepare(budget.model, duration, [a.path for a in loose])
+    try:
+        _, slopes = ready.settled()
+    except SolverError:
+        return ((LeftOut(words), {}),)
+    sizes = np.array([a.size for a in loose])
+    kept = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
+    effect = {n: float(np.linalg.norm(slopes[n] * sizes)) for n in kept if n in slopes}
+    return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
+
+
+def first_line(left_out: Sequence[LeftOut], error: float) -> str:
+    """Return what a reader must know first of an answer: what it does not count and might matter; empty where nothing is.
+
+    Parameters
+    ----------
+    left_out : sequence
+    error : float   Standard error of the answer, the largest of several. [K]
+    """
+    felt = [x for x in left_out if not x.listed and not x.kelvin <= FELT * 1.96 * error]
+    words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in felt]
+    return f"not counted: {'; '.join(words)}" if words else ""
+
+
+def _listed(paths: Sequence[str]) -> str:
+    return ", ".join(f"'{p}'" for p in paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.knowledge.standing import Standing
+from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
+from thermid.model.parts.parameter import Standing
 from thermid.prediction.budget import Budget, budget_of
-from thermid.prediction.known import Known
-from thermid.prediction.predict import predicted
-from thermid.prediction.prediction import Band, Prediction
+from thermid.prediction.known import Known, Rows
+from thermid.prediction.predict import Band, Prediction, predicted
+from thermid.prediction.setting import Setting
 from thermid.prediction.structural import MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.problem import Options
 from thermid.simulation.transient import simulate
@@ -65,7 +65,7 @@ def foresee(
     without: Sequence[str] = (),
     options: Options | None = None,
 ) -> Foresight:
-    """Return what a model says of a scenario: `predict`, the run with the best values, and the errors before any fit.
+    """Pretest prediction of a scenario: `predict`, the run with the best values, and the errors before any fit.
 
     Parameters
     ----------
@@ -86,20 +86,16 @@ def foresee(
 
 
 def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
-    """Return node -> standard error (times,) that values have which lie anywhere within what was known of them before any fit. [K]"""
+    """Prior predictive error: node -> standard error (times,) with every value anywhere in its range before any fit. [K]"""
     own = {s.acts[0]: s for store in known.stores for s in store.parameters.values() if s.acts}
-    prior = {path: (size, s.log, s.acts[1:]) for path, s in own.items() if (size := _size_before(s))}
-    if not prior:
+    sizes = {path: size for path, s in own.items() if (size := _size_before(s))}
+    if not sizes:
         return {}
-    names = [p for path, (_, _, also) in prior.items() for p in (path, *also)]
-    ready = prepare(budget.model, budget.scenario, names, times=times, options=options)
-    run = ready.run(sensitivities=True)
-    place = {name: k for k, name in enumerate(ready.free)}
-    chain = np.zeros((len(place), len(prior)))
-    for k, (path, (size, log, also)) in enumerate(prior.items()):
-        for name in map(ready.canonical, (path, *also)):
-            chain[place[name], k] = size * (ready.nominal[name] if log else 1.0)
-    return {n: np.linalg.norm(run.slopes(n) @ chain, axis=1) for n in nodes}
+    sources = tuple(Source(path, "stated", Normal(), f"{path} before any fit") for path in sizes)
+    log, also = tuple(own[path].log for path in sizes), {path: own[path].acts[1:] for path in sizes}
+    rows = Rows(tuple(sizes), log, also, sources, ("before any fit",) * len(sizes), np.diag(list(sizes.values())))
+    setting = Setting.of(Budget.of_rows(rows, budget.model, budget.scenario), times=times, options=options)
+    return {n: np.linalg.norm(column[:-1], axis=1) for n, column in setting.linear(nodes).columns.items()}
 
 
 def _size_before(v: State) -> float:

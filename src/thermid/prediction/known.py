@@ -13,12 +13,11 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.knowledge.graft import graft, structural_under
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
-from thermid.knowledge.standing import Standing, of_model, worst
-from thermid.knowledge.store import Store
+from thermid.knowledge.store import Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.linear_algebra import square_root
+from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ class Known:
     @property
     def standing(self) -> Standing:
         """Of the values of the model, and of the fit where it is at hand."""
-        return worst([of_model(self.model), *([self.fit.standing] if self.fit is not None else [])])
+        return worst([model_standing(self.model), *([self.fit.standing] if self.fit is not None else [])])
 
     @property
     def stores(self) -> tuple[Store, ...]:

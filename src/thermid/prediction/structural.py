@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.fit.discrepancy import ALIKE, MOST, Discrepancy, losing_gas
-from thermid.knowledge.sources import Law, Normal, Source, Uniform
+from thermid.knowledge.sources import Distribution, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import symmetric_inverse
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
-from thermid.prediction.split import split_needed, split_values
+from thermid.prediction.split import split_values
 from thermid.simulation.scenarios.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -32,12 +32,12 @@ class Mode:
     Parameters
     ----------
     path, kind : str    Of the conductor; 'difference' or 'level'.
-    law : Law           Of the exponent or of the radiative share. [-]
+    law : Distribution  Of the exponent or of the radiative share. [-]
     """
 
     path: str
     kind: str
-    law: Law
+    law: Distribution
 
     @property
     def name(self) -> str:
@@ -45,7 +45,7 @@ class Mode:
         return f"{NAMES[self.kind]} {self.path}"
 
 
-def law_of_mode(kind: str, mean: float, sd: float) -> Law:
+def law_of_mode(kind: str, mean: float, sd: float) -> Distribution:
     """Return the law of a coefficient mode: the only place that chooses its shape. Moments as in `patterns_of`."""
     return Normal(mean, sd)
 
@@ -85,6 +85,15 @@ def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str
         return {}
     other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
     return {n: sizes.get(n, other) for n in network.nodes}
+
+
+def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
+    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
+    network = compile_network(model)
+    media = scenario.media()
+    roots = network.flat.parameters.literal_behind
+    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
 
 
 def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str]) -> tuple[Model, Rows]:

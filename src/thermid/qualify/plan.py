@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.campaign.filed import filed
+from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
 from thermid.files import read_bytes

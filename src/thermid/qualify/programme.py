@@ -15,11 +15,11 @@ from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ThermidError, nearest
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
-from thermid.knowledge.standing import Standing
+from thermid.model.parts.parameter import Standing
 from thermid.model.tree.tree import parameter_table
+from thermid.prediction.budget import SILENT, UNFITTED, assumed_values
 from thermid.prediction.foresight import IN_TESTS, Foresight, widened
 from thermid.prediction.known import Known
-from thermid.prediction.omitted import SILENT, UNFITTED, assumed_values
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.plan import Plan, load_plan
 from thermid.qualify.trial import Trial, run_test

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.knowledge.sources import Law, read_spread
+from thermid.knowledge.sources import Distribution, read_spread
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
@@ -262,7 +262,7 @@ class Simulator:
         given = self._wiring.network.flat.parameters.table[name].parameter
         return -np.inf if given.minimum is None else given.minimum, np.inf if given.maximum is None else given.maximum
 
-    def law(self, name: str, given: Any) -> Law:
+    def law(self, name: str, given: Any) -> Distribution:
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
         own = self.canonical(name)
         where = f"{self.title}, spread of '{own}'"

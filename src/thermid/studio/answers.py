@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError
-from thermid.knowledge.standing import of_model
+from thermid.knowledge.store import model_standing
 from thermid.studio.courses import Shelf
 from thermid.studio.curves import RunCurves, ThinnedCurve, Window
 from thermid.studio.desk import Desk
@@ -47,7 +47,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "fitted": desk.calibration is not None,
         "measured": desk.problem is not None,
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
-        "standing": (desk.calibration.standing if desk.calibration is not None else of_model(desk.model)).to_dict(desk.title),
+        "standing": (desk.calibration.standing if desk.calibration is not None else model_standing(desk.model)).to_dict(desk.title),
         "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
         **curves_object(desk, {}, "air"),
     }

@@ -11,11 +11,11 @@ import numpy as np
 from thermid.errors import ScenarioError
 from thermid.judge.limits import LimitCheck, Limits, check_limits, spans
 from thermid.judge.margins import Margin, margins
-from thermid.knowledge.standing import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
-from thermid.prediction.prediction import Band
+from thermid.prediction.predict import Band
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.qualify.plan import load_plan

@@ -13,18 +13,16 @@ import numpy as np
 
 from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, read_campaign
-from thermid.campaign.stages import Campaign
-from thermid.campaign.staging import keyed, request_of
-from thermid.campaign.swap.retune_plan import RetunePlan
-from thermid.campaign.swap.swap import plan_retune
+from thermid.campaign.retune import RetunePlan, plan_retune
+from thermid.campaign.stages import Campaign, keyed, request_of
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.store import Origin, State, Store
-from thermid.knowledge.values_file import save_store
+from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.values import save_store
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, deck_text, parameter_table
@@ -246,7 +244,7 @@ class Project:
             raise DeckError("give the values a name of letters and digits.", "save")
         desk = self.desk(name)
         states: dict[str, State] = {}
-        origin, table = Origin("hand", f"{name}, by hand"), parameter_table(desk.model)
+        origin, table = ValueOrigin("hand", f"{name}, by hand"), parameter_table(desk.model)
         for s in desk.sliders:
             if s.path in values:
                 of = unit(s.unit)

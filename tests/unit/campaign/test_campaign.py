@@ -13,8 +13,7 @@ import pytest
 
 from studio.large import wide_campaign
 from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import Campaign, run_stages
-from thermid.campaign.staging import request_of
+from thermid.campaign.stages import Campaign, request_of, run_stages
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
 from thermid.fit.problem.request import in_full, key_of
 from thermid.knowledge.values import load_values

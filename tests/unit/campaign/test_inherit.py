@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.campaign.staging import counted_twice
+from thermid.campaign.stages import counted_twice
 from thermid.errors import NameNotFoundError
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.campaign import cache, kept_logs
+from thermid.campaign import cache
+from thermid.campaign.cache import log_kept
 from thermid.campaign.file import CampaignSource, read_campaign
-from thermid.campaign.kept_logs import log_kept
 from thermid.campaign.schema import RecordTable
 from thermid.errors import RecordError
 from thermid.measure import Channel, Record, read_record
@@ -147,7 +147,7 @@ def test_one_digit_of_the_log_reads_it_again(campaign: Path, readings: list[str]
 
 def test_other_code_reads_it_again(campaign: Path, readings: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     source(campaign).record("one")
-    monkeypatch.setattr(kept_logs, "code_digest", lambda: "another")
+    monkeypatch.setattr(cache, "code_digest", lambda: "another")
     source(campaign).record("one")
     assert len(readings) == 2
 

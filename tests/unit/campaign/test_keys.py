@@ -11,17 +11,16 @@ import pytest
 
 from thermid.campaign.cache import changed_since, remember
 from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import run_stages
-from thermid.campaign.staging import keyed, request_of
+from thermid.campaign.stages import keyed, request_of, run_stages
 from thermid.fit.problem import request as room
 from thermid.fit.problem.request import LocalSpec, Reading, Request, ingredients_of, key_for
-from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.problem import Options
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
-STATE = State("case.mass", 1.6, True, "kg", (0.5, 4.0), Origin("fit", "below"), paths=("case.mass",))
+STATE = State("case.mass", 1.6, True, "kg", (0.5, 4.0), ValueOrigin("fit", "below"), paths=("case.mass",))
 BELOW = Store({"case.mass": STATE})
 DATA = log(box(), {}, {"T": "case"}, noise=0.05)
 CHANGES: dict[str, tuple[Any, str]] = {
@@ -81,7 +80,7 @@ def test_what_changes_no_fit_changes_no_key() -> None:
 
 def test_requests_in_python_on_other_stores_have_other_keys() -> None:
     """Their noise has the key as its name: it is not to be taken for one and the same."""
-    again = Store({"case.mass": replace(STATE, origin=Origin("fit", "below", key="another fit"))})
+    again = Store({"case.mass": replace(STATE, origin=ValueOrigin("fit", "below", key="another fit"))})
     assert key_for(replace(plain(), store=again)) != key_for(plain())
 
 

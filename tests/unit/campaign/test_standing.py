@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 import thermid as td
 from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import Campaign, run_stages
-from thermid.campaign.staging import request_of
+from thermid.campaign.stages import Campaign, request_of, run_stages
 from thermid.errors import DeckError
 from thermid.fit.calibrate import rests_on
-from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing, State, of_model, worst
+from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.deck.modelfile import load_model
+from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, State, worst
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 WHY = "T_BOX would have to be wrong by +0."
@@ -59,7 +59,7 @@ def test_a_stage_that_is_not_credible_is_told_three_levels_up(bad: Campaign, fol
     assert above.line("whole").startswith(f"NOT CREDIBLE: rests on stage 'box' ({WHY}")
     assert str(bad).startswith("NOT CREDIBLE: stage 'box' (")
     assert str(bad["whole"]).startswith("whole: NOT CREDIBLE: rests on stage 'box' (")
-    assert of_model(bad["whole"].fitted_model) == above
+    assert model_standing(bad["whole"].fitted_model) == above
     assert not bad.passed
     assert bad.exit_code == 1
 
@@ -232,10 +232,10 @@ def test_what_rests_on_several_is_never_better_than_any(several: list[Standing],
 def test_standing_of_plain_models() -> None:
     from unit.fit.bench import HTC, box
 
-    assert of_model(box()) == UNJUDGED
-    assert of_model(box().with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED
+    assert model_standing(box()) == UNJUDGED
+    assert model_standing(box().with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED
     fitted = FittedValue(HTC, 5.0, 0.1, 0.1, True, "W/(m^2 K)", 6.0, (1.0, 20.0), standing=Standing("failed", "x", "s"))
     laid = box().with_values({HTC: fitted}, "stage 's'")
-    assert of_model(laid).state == "failed"
-    assert of_model(laid.with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED, "it does not act any more"
+    assert model_standing(laid).state == "failed"
+    assert model_standing(laid.with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED, "it does not act any more"
     assert laid.identity() == box().with_values({HTC: replace(fitted, standing=CREDIBLE)}, "stage 's'").identity()

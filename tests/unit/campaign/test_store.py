@@ -12,11 +12,9 @@ import pytest
 
 from thermid.campaign.stages import Campaign, run_stages
 from thermid.errors import DeckError, ThermidError
-from thermid.knowledge.graft import graft
 from thermid.knowledge.sources import Cut, Normal, Source, Uniform
-from thermid.knowledge.store import Origin, State, Store
-from thermid.knowledge.values import load_values
-from thermid.knowledge.values_file import load_store, save_store
+from thermid.knowledge.store import State, Store, ValueOrigin, graft
+from thermid.knowledge.values import load_store, load_values, save_store
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.replacement import Dropped
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
@@ -135,7 +133,7 @@ def test_the_file_holds_the_whole_store_to_the_bit(tmp_path: Path, how: str) -> 
 
 
 def test_awkward_values_come_back_too(tmp_path: Path) -> None:
-    origin = Origin("fit", 'a "quoted" ä\\', ("r 1",), "k", "2026-01-01")
+    origin = ValueOrigin("fit", 'a "quoted" ä\\', ("r 1",), "k", "2026-01-01")
     states = {
         "x": State("x", 0.1 + 0.2, True, "W", (-math.inf, math.inf), origin, paths=("x", "q.x"), hidden=("q.x",), known=False),
         "sensor T": State("sensor T", -0.0, False, "K", (-1e300, 5e-324), origin, "sensor", history=(origin,), prior=(1e-300, 2.0)),
@@ -175,7 +173,7 @@ def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_
     component, pair = three["component"].store, three["pair"].store
     both, remarks = graft(whole, [("s", pair), ("s.p", component)])
     assert (both[f"s.p.{G}"].origin.stage, remarks) == ("component", ())
-    again = replace(component, states={G: replace(component.states[G], value=0.4, origin=Origin("fit", "other"))})
+    again = replace(component, states={G: replace(component.states[G], value=0.4, origin=ValueOrigin("fit", "other"))})
     both, remarks = graft(whole, [("s", pair), ("s.p", again)])
     assert both[f"s.p.{G}"].origin.stage == "component"
     assert remarks == (f"'s.p.{G}': stage 'component' wins over stage 'other', which is further from the root.",)

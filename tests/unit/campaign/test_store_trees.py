@@ -12,7 +12,7 @@ import pytest
 from thermid.campaign.stages import run_stages
 from thermid.errors import IdentificationError
 from thermid.knowledge.store import Store
-from thermid.knowledge.values_file import load_store
+from thermid.knowledge.values import load_store
 from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
 

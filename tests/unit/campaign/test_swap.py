@@ -12,9 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from thermid.campaign.retune import RetunePlan, _told_by
 from thermid.campaign.stages import Campaign
-from thermid.campaign.swap.retune import _told_by
-from thermid.campaign.swap.retune_plan import RetunePlan
 from thermid.cli.app import app
 from thermid.errors import DeckError, NameNotFoundError
 from thermid.fit.calibrate import fit

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from thermid.cli.options import PRECEDENCE, leave
-from thermid.knowledge.standing import CREDIBLE, UNJUDGED, Standing
+from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing
 from unit.cli.conftest import Call, Said
 from unit.fit.planted import planted
 

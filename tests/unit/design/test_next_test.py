@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.design.ranking import Option
+from thermid.design.next_test import Option
 from thermid.errors import IdentificationError, NameNotFoundError
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 

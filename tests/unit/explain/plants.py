@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import thermid as td
-from thermid.explain.diagnosis import laid_open
+from thermid.explain.candidates import laid_open
 from thermid.model.parts.elements import Conductor
 from thermid.model.parts.parameter import parameter
 

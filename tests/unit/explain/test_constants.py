@@ -12,10 +12,10 @@ from scipy import stats
 
 import thermid as td
 from thermid.dual import value_of
+from thermid.explain.candidates import faults_of, missing_elements
 from thermid.explain.criticism import Candidate, Criticism, TraceCriticism
-from thermid.explain.diagnosis import Diagnosis, Suspect, suspects
-from thermid.explain.missing import missing_elements
-from thermid.explain.plausibility import Finding
+from thermid.explain.diagnosis import Diagnosis, Suspect
+from thermid.explain.plausibility import RangeCheck
 from thermid.explain.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.fit.calibration import Calibration
 from thermid.network.network import compile_network
@@ -116,7 +116,7 @@ class TestEvidence:
 def test_two_standard_errors_make_doubtful_of_not_physical(side: float) -> None:
     """Outside by 1: doubtful with an error of 0.51, not physical with 0.48."""
     for error, verdict in ((0.51, "doubtful"), (0.48, "not physical")):
-        assert Finding("p", 5.0 + 6.0 * side, error, 0.0, 10.0, "", "", "").verdict == verdict
+        assert RangeCheck("p", 5.0 + 6.0 * side, error, 0.0, 10.0, "", "", "").verdict == verdict
 
 
 def plausible(free: list[str], changes: dict[str, Any] | None = None, **more: Any) -> td.Plausibility:
@@ -220,7 +220,7 @@ class TestDiagnosis:
     def test_a_link_may_be_half_of_what_its_ends_have(self) -> None:
         """Of the end with less; both boxes have the same."""
         model = pair()
-        faults = suspects(model, {"A": "a.case", "B": "b.case"})[1]
+        faults = faults_of(model, {"A": "a.case", "B": "b.case"})[1]
         link = next(f for f in faults if f.group == "link" and {"a.case", "b.case"} <= set(f.name.split()))
         has = sum(float(value_of(row.coefficients[0])) for row in compile_network(model).numbers().conductors if "a.case" in row.ends)
         assert link.size == pytest.approx(0.5 * has)

@@ -9,7 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.explain.diagnosis import diagnose, suspects
+from thermid.explain.candidates import faults_of
+from thermid.explain.diagnosis import diagnose
 from unit.explain.plants import GROUPS, left_open, plant
 from unit.qualify.things import soak, unit
 
@@ -101,7 +102,7 @@ def test_a_sensor_that_a_run_started_from_is_seen_as_that() -> None:
 
 
 def test_links_that_are_there_may_weaken_and_others_only_appear() -> None:
-    grown, found = suspects(unit(), SENSORS)
+    grown, found = faults_of(unit(), SENSORS)
     links = {c.name: c.one_sided for c in found if c.group == "link"}
     assert links == {
         "link proc - plate": False,

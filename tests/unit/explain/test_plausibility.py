@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, NameNotFoundError
-from thermid.explain.plausibility import Finding
+from thermid.explain.plausibility import RangeCheck
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -74,7 +74,7 @@ class TestJoints:
         assert "IEEE Trans. CPT 28" in str(found)
 
     def test_doubtful_is_outside_but_not_surely(self) -> None:
-        at = Finding("x", 90.0, 8.0, 100.0, 1000.0, "a range", "a book", "It may be.")
+        at = RangeCheck("x", 90.0, 8.0, 100.0, 1000.0, "a range", "a book", "It may be.")
         assert at.verdict == "doubtful"
         assert replace(at, error=4.0).verdict == "not physical"
         assert replace(at, value=1010.0).verdict == "doubtful"

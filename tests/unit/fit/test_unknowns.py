@@ -15,7 +15,7 @@ from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import Origin, State, Store
+from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.measure import Record
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.parts.parameter import parameter
@@ -253,7 +253,7 @@ class TestReadings:
         # with the bias known to 1 mK from a stage below the start is what it was, and not what the sensor said
         model = box()
         data = log(model, {}, {"T": "case"}, noise=1e-3, bias={"T": 1.0}, accuracy=0.5, swing=0.0)
-        state = State("sensor T", 1.0, False, "K", (-5.0, 5.0), Origin("fit", "below"), "sensor")
+        state = State("sensor T", 1.0, False, "K", (-5.0, 5.0), ValueOrigin("fit", "below"), "sensor")
         below = Store({"sensor T": state}, (Source("below:0", "data", Normal()),), np.array([[1e-3]]))
         request = Request(model, (data,), (MASS,), readings={"initial.case": Reading("T")}, store=below)
         found = fit(request)

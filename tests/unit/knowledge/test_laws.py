@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from thermid.errors import ScenarioError, UnitError
-from thermid.knowledge.sources import Choice, Cut, Law, LogNormal, Normal, Shifted, Uniform, read_spread
+from thermid.knowledge.sources import Choice, Cut, Distribution, LogNormal, Normal, Shifted, Uniform, read_spread
 from thermid.units import TEMPERATURE
 
 SHARES = (np.arange(200_000) + 0.5) / 200_000
-LAWS: list[Law] = [
+LAWS: list[Distribution] = [
     Normal(3.0, 0.4),
     LogNormal(2.0, 0.3),
     Uniform(-1.0, 4.0),
@@ -26,7 +26,7 @@ LAWS: list[Law] = [
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
-def test_moments_are_those_of_the_quantiles(law: Law) -> None:
+def test_moments_are_those_of_the_quantiles(law: Distribution) -> None:
     values = law.at(SHARES)
     assert law.mean == pytest.approx(values.mean(), abs=2e-4)
     assert law.variance == pytest.approx(values.var(), rel=2e-3)
@@ -52,7 +52,7 @@ MEANT = [
 
 
 @pytest.mark.parametrize(("given", "slot", "law"), MEANT)
-def test_what_a_spread_means(given: Any, slot: str, law: Law) -> None:
+def test_what_a_spread_means(given: Any, slot: str, law: Distribution) -> None:
     found = read_spread(given, slot, {"W": 5.0, TEMPERATURE: AIR, "K": 0.0}[slot], "here")
     assert type(found) is type(law)
     assert found.at(SHARES[::5000]) == pytest.approx(law.at(SHARES[::5000]), abs=1e-9)

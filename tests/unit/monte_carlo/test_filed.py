@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.campaign.filed import filed
+from thermid.campaign.hand import filed
 from thermid.cli.app import app
 
 G = "loss.conductance"

@@ -11,13 +11,12 @@ import pytest
 from scipy import optimize, stats
 
 import thermid as td
+from thermid.design.next_test import doubts_without_gas
 from thermid.errors import IdentificationError
 from thermid.knowledge.sources import LeftOut
-from thermid.prediction.doubts import doubts_without_gas
+from thermid.prediction.budget import assumed_values, first_line
 from thermid.prediction.foresight import foresee
-from thermid.prediction.omitted import assumed_values, first_line
-from thermid.prediction.predict import predict
-from thermid.prediction.prediction import Band
+from thermid.prediction.predict import Band, predict
 
 TWO = stats.norm.ppf(0.975)
 

@@ -14,9 +14,8 @@ from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
 from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.prediction.predict import predict
-from thermid.prediction.prediction import Prediction
-from thermid.prediction.spread import Spread
+from thermid.prediction.budget import Spread
+from thermid.prediction.predict import Prediction, predict
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from unit.fit.bench import HTC, MASS, box, log, pair
@@ -115,7 +114,7 @@ def test_draws_are_not_symmetric_where_it_bends(found: Calibration) -> None:
 
 
 def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> None:
-    from thermid.knowledge.graft import graft
+    from thermid.knowledge.store import graft
 
     store, _ = graft(pair(), [("a", found.store)])
     model = store.on(pair())

@@ -17,7 +17,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
-from thermid.knowledge.values_file import rooted
+from thermid.knowledge.values import rooted
 from thermid.linear_algebra import covariance, finite, rank
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.solver.problem import Options

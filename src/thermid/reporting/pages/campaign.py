@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.campaign.joint import Joint
+from thermid.campaign.joint import JointFit
 from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
 from thermid.explain.balance import energy_balance
@@ -305,14 +305,14 @@ MOST = 12
 def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
     """Return titles with texts: what the logs told of the stage's values, what its residuals say, who looked, where measured heat goes."""
     parts = []
-    if c.values.parameters and not isinstance(c, Joint):
+    if c.values.parameters and not isinstance(c, JointFit):
         parts.append(("What the logs told of its values", _said(lambda: str(identifiability(c)))))
     known = {e.record.name for e in c.experiments}
     if len(known) > MOST:
         parts.append(
             ("What its residuals say", f"{len(known)} records: td.criticise(campaign[{c.stage!r}], elements=False) says it of each.")
         )
-    elif c.request is not None and not isinstance(c, Joint) and all(b.record in known for b in c.blocks):
+    elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):
         parts.append(("What its residuals say", _said(lambda: str(criticise(c, elements=False)))))
     looks = _looks(campaign, c)
     if looks:

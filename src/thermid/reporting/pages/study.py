@@ -9,8 +9,8 @@ from urllib.parse import quote
 from xml.sax.saxutils import escape
 
 from thermid.arguments import takes_objects
+from thermid.campaign.methodology import Study
 from thermid.campaign.stages import Campaign
-from thermid.campaign.study.study import Study
 from thermid.judge.metrics import metric
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model

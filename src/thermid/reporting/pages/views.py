@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
+    from thermid.campaign.retune import RetunePlan
     from thermid.campaign.stages import Campaign
-    from thermid.campaign.swap.retune_plan import RetunePlan
     from thermid.fit.calibration import Calibration
     from thermid.fit.problem.residuals import SensorStatistics
     from thermid.fit.uncertainty.moved import Moves

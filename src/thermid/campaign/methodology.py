@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
+from thermid.campaign.file import by_grammar, read_campaign
 from thermid.campaign.stages import Campaign
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.judge.metrics import Residuals, metric
+from thermid.model.deck.modelfile import load_model
+from thermid.model.laws.signal import literal
 from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
+from thermid.model.tree.tree import Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.problem import Options
+from thermid.toml_files import Places, read_toml, resolve_inside
+from thermid.units import TEMPERATURE
+
+if TYPE_CHECKING:
+    from thermid.campaign.schema import ComponentTable, SensorTable, StudyFile
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,7 @@ class SensorSpec:
     Parameters
     ----------
     accuracy : float        Largest error. [K]
-    resolution : float      Step of its readings; 0 where none is given. [K]
+    resolution : float      LogEntry of its readings; 0 where none is given. [K]
     range : tuple           Lowest and highest temperature, empty where none is given. [K]
     conversion : float      Time from the instant of a value to its reading. [s]
     certificate : str       How it was calibrated.
@@ -69,7 +79,7 @@ class SensorSpec:
 
 
 @dataclass(frozen=True)
-class Action:
+class ProcedureAction:
     """One action of the procedure: its name, its state, the stages that do it, a note."""
 
     name: str
@@ -79,7 +89,7 @@ class Action:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class LogEntry:
     """One line of the log: how one sensor was met in one record of one stage or verdict.
 
     Parameters
@@ -127,19 +137,19 @@ class Study:
     Parameters
     ----------
     title, document, note : str     What it is called, what it follows, what its author says.
-    subject, use : str              Step 1: what is modelled, and the intended use of the model.
-    facts : tuple of str            Step 1: what is known beforehand.
-    components : dict               Step 1: physical item -> Component.
+    subject, use : str              LogEntry 1: what is modelled, and the intended use of the model.
+    facts : tuple of str            LogEntry 1: what is known beforehand.
+    components : dict               LogEntry 1: physical item -> Component.
     model : Model                   The model of the whole.
     names : tuple of str            Other names of the whole.
-    reason : str                    Step 2: why the box colours are what they are.
-    solver : str                    Step 3: what solves the equations.
-    options : Options               Step 3: its tolerances.
-    theory, experiment : tuple      Step 3: remarks on both set-ups.
-    sensors : dict                  Step 3: kind of sensor -> SensorSpec.
-    campaign : Path                 Step 4: the campaign file.
-    rules, metrics : tuple of str   Step 4.
-    actions : tuple of Action       Step 4: in order.
+    reason : str                    LogEntry 2: why the box colours are what they are.
+    solver : str                    LogEntry 3: what solves the equations.
+    options : Options               LogEntry 3: its tolerances.
+    theory, experiment : tuple      LogEntry 3: remarks on both set-ups.
+    sensors : dict                  LogEntry 3: kind of sensor -> SensorSpec.
+    campaign : Path                 LogEntry 4: the campaign file.
+    rules, metrics : tuple of str   LogEntry 4.
+    actions : tuple of ProcedureAction       LogEntry 4: in order.
     """
 
     title: str
@@ -160,7 +170,7 @@ class Study:
     campaign: Path = field(compare=False)
     rules: tuple[str, ...]
     metrics: tuple[str, ...]
-    actions: tuple[Action, ...]
+    actions: tuple[ProcedureAction, ...]
     _data: Mapping[str, Any] = field(compare=False, repr=False)
 
     @property
@@ -195,11 +205,11 @@ class Study:
         raise NameNotFoundError(f"nothing is called '{name}'.{nearest(name, [*known, *self.components, *self.model.aliases])}", self.title)
 
     @takes_objects
-    def log(self, campaign: Campaign) -> tuple[Step, ...]:
+    def log(self, campaign: Campaign) -> tuple[LogEntry, ...]:
         """Return what every stage and every verdict found, sensor by sensor."""
         action = {stage: a.name for a in self.actions for stage in a.stages}
-        steps = [_step(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
-        steps += [_step(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
+        steps = [_entry(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
+        steps += [_entry(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
         return tuple(steps)
 
     @takes_objects
@@ -244,5 +254,113 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
     return out
 
 
-def _step(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> Step:
-    return Step(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
+def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> LogEntry:
+    return LogEntry(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
+
+
+@takes_objects
+def load_study(path: str | os.PathLike[str]) -> Study:
+    """Return the study that a file describes, with the model it names; its campaign is checked, not run.
+
+    Raises
+    ------
+    DeckError           When it has no intended use or no components, a part of the model belongs to no component, an action names no stage,
+                        or a channel has no sensor behind it.
+    NameNotFoundError   When a component is not in the model.
+    """
+    target = Path(path)
+    data, lines = read_toml(target)
+
+    where = Places(target.name, lines)
+    content: StudyFile = by_grammar("StudyFile", data, where)
+    for k, key in enumerate(content.procedure.metrics):
+        metric(key, where(f"procedure.metrics.{k}"))
+    if not content.knowledge.use.strip():
+        raise DeckError("a study needs the intended use of its model; it decides the box colours and the criteria.", where("knowledge.use"))
+    if not content.components:
+        raise DeckError("a study needs its components: the physical items, each with its place in the model.", where("components"))
+    model = load_model(resolve_inside(target.parent, content.knowledge.model, where("knowledge.model")))
+    components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
+    _all_belong(model, components, where("components"))
+    sensors = {name: _sensor(table, where(f"sensors.{name}")) for name, table in content.sensors.items()}
+    campaign = resolve_inside(target.parent, content.procedure.campaign, where("procedure.campaign"))
+    _campaign_fits(campaign, content, where)
+    theory = content.theory
+    return Study(
+        content.title,
+        content.document,
+        content.note,
+        content.knowledge.subject,
+        content.knowledge.use,
+        tuple(content.knowledge.facts),
+        components,
+        model,
+        tuple(content.knowledge.names),
+        content.box.reason,
+        theory.solver,
+        Options(tolerance=literal(theory.tolerance, "K", where("theory.tolerance")), relative=theory.relative),
+        tuple(theory.notes),
+        (*([content.experiment.platform] if content.experiment.platform else []), *content.experiment.notes),
+        sensors,
+        campaign,
+        tuple(content.procedure.rules),
+        tuple(content.procedure.metrics),
+        tuple(ProcedureAction(a.name, a.state, tuple(a.stages), a.note) for a in content.actions),
+        data,
+    )
+
+
+def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
+    path = model.canonical(table.at)
+    known = {*part_boxes(model), *Names(model).nodes} - {""}
+    if path not in known:
+        raise NameNotFoundError(f"'{name}' stands at '{table.at}', which the model does not have.{nearest(table.at, known)}", where)
+    low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
+    return Component(path, table.what, low, high, table.basis)
+
+
+def _all_belong(model: Model, components: Mapping[str, Component], where: str) -> None:
+    """Refuse a mass of the model that is part of no component, or of two."""
+    for path, (owner, name) in Names(model).nodes.items():
+        if not name or not owner.nodes[name].fields:
+            continue
+        holders = [n for n, c in components.items() if c.holds(path)]
+        if len(holders) != 1:
+            said = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
+            raise DeckError(f"node '{path}' of the model {said}. Give every mass one physical item.", where)
+
+
+def _sensor(table: SensorTable, where: str) -> SensorSpec:
+    def kelvin(text: str) -> float:
+        return literal(text, "K", where) if text else 0.0
+
+    return SensorSpec(
+        kelvin(table.accuracy),
+        kelvin(table.resolution),
+        tuple(literal(t, TEMPERATURE, where) for t in table.range),
+        literal(table.conversion, "s", where) if table.conversion else 0.0,
+        table.certificate,
+        tuple(table.channels),
+        table.basis,
+    )
+
+
+def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
+    """Refuse an action that names no stage, and a temperature channel without a sensor behind it."""
+    asked = read_campaign(campaign).content
+    stages = [s.name for s in asked.stages]
+    for k, action in enumerate(content.actions):
+        for stage in action.stages:
+            if stage not in stages:
+                raise DeckError(
+                    f"'{action.name}' names stage '{stage}', which {campaign.name} does not have.{nearest(stage, stages)}",
+                    where(f"actions.{k}.stages"),
+                )
+    patterns = [p for table in content.sensors.values() for p in table.channels]
+    for name, record in asked.records.items():
+        for channel, target in record.channels.items():
+            thermometer = isinstance(target, Mapping) and bool({"node", "boundary"} & set(target))
+            if thermometer and not any(fnmatch.fnmatchcase(channel, p) for p in patterns):
+                raise DeckError(
+                    f"channel '{channel}' of record '{name}' has no sensor behind it. Add it to the channels of one.", where("sensors")
+                )
