@@ -218,3 +218,22 @@ def test_two_thousand_members_where_derivatives_miss_the_band(sd: float, drawn: 
     fit = case()
     told = predict(fit, BENCH, spread={"skin.area": {"log_sd": sd}})
     assert any("2000 members were drawn" in w for w in told.warnings) is drawn
+
+
+class TestUsedFarFromWhereItWasFound:
+    """The room and the power moved alone: level and difference of a surface with a constant coefficient move by exactly so much."""
+
+    def used_far(self, kelvin: float, ratio: float) -> bool:
+        air = f"{24.0 + kelvin!r} [degC]"
+        there = BENCH.with_(boundaries={"air": air}, start=air, loads={"heat": f"{2.5 * ratio!r} [W]"})
+        return "used further off: skin" in str(predict(case(), there))
+
+    @pytest.mark.parametrize(("kelvin", "far"), [(9.7, False), (10.3, True), (-9.7, False), (-10.3, True)])
+    def test_ten_kelvin_of_level(self, kelvin: float, far: bool) -> None:
+        """There radiation, which goes with the third power of the level, has changed by a tenth: 3 * 10 K / 300 K."""
+        assert self.used_far(kelvin, 1.0) is far
+
+    @pytest.mark.parametrize(("ratio", "far"), [(1.22, False), (1.28, True), (1 / 1.22, False), (1 / 1.28, True)])
+    def test_a_quarter_more_of_the_difference_or_the_inverse(self, ratio: float, far: bool) -> None:
+        """There an exponent of a third has changed a coefficient by 8 %, of a quarter by 6 %."""
+        assert self.used_far(0.0, ratio) is far
