@@ -16,7 +16,7 @@ from thermid.errors import IdentificationError
 from thermid.knowledge.sources import LeftOut
 from thermid.prediction.budget import assumed_values, first_line
 from thermid.prediction.foresight import foresee
-from thermid.prediction.predict import Band, predict
+from thermid.prediction.predict import Band, _missed_at, predict
 
 TWO = stats.norm.ppf(0.975)
 
@@ -237,3 +237,17 @@ class TestUsedFarFromWhereItWasFound:
     def test_a_quarter_more_of_the_difference_or_the_inverse(self, ratio: float, far: bool) -> None:
         """There an exponent of a third has changed a coefficient by 8 %, of a quarter by 6 %."""
         assert self.used_far(0.0, ratio) is far
+
+
+class TestWhereDerivativesDo:
+    """A band by derivatives may miss that of members by a tenth of its half-width: in its mean, its width, or the laws of its sources."""
+
+    SCORES = stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
+    ENDS = np.array([-TWO, TWO])
+
+    @pytest.mark.parametrize(("share", "said"), [(0.097, False), (0.103, True)])
+    def test_a_tenth_of_the_half_width(self, share: float, said: bool) -> None:
+        mean = _missed_at("n", TWO, self.ENDS, self.SCORES, np.full(1000, share * TWO))
+        width = _missed_at("n", TWO, self.ENDS, self.SCORES, share * self.SCORES)
+        laws = _missed_at("n", TWO, (1.0 + share) * self.ENDS, self.SCORES, np.zeros(1000))
+        assert [("its mean" in mean.words), ("its width" in width.words), ("not normal" in laws.words)] == [said] * 3
