@@ -204,10 +204,14 @@ def died(tree: PrivateTree, mutant: Mutant, whole: bool) -> str:
     path = tree.package / mutant.file
     before = path.read_text(encoding="utf-8")
     room = Path(mutant.file).parts[0]
-    own = [t for t in (f"tests/unit/{room}/test_constants.py", f"tests/unit/{room}") if (tree.root / t).exists()]
+    first = f"tests/unit/{room}/test_constants.py"
+    runs: list[tuple[list[str], tuple[str, ...]]] = [([first], ())] if (tree.root / first).exists() else []
+    runs.append(([f"tests/unit/{room}"], (f"--ignore={first}",)))
+    if whole:
+        runs.append((["tests"], ("-n", "2", f"--ignore=tests/unit/{room}")))
     path.write_text(mutant.text, encoding="utf-8")
     try:
-        for tests, options in ((own, ()), *([(["tests"], ("-n", "2", f"--ignore=tests/unit/{room}"))] if whole else [])):
+        for tests, options in runs:
             run = tree.pytest(tests, "-x", "--no-header", "--tb=no", "-rfE", *options, seconds=3600.0)
             if run.returncode not in (0, 5):
                 lines = [x for x in run.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))] or [*run.stdout.splitlines(), "?"][-3:]

@@ -240,7 +240,7 @@ class TestUsedFarFromWhereItWasFound:
 
 
 class TestWhereDerivativesDo:
-    """A band by derivatives may miss that of members by a tenth of its half-width: in its mean, its width, or the laws of its sources."""
+    """Decision 124: a band by derivatives may miss that of members by a tenth of its half-width, in its mean and in its width."""
 
     SCORES = stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
     ENDS = np.array([-TWO, TWO])
