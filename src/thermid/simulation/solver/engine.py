@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Sine, TableSignal
 from thermid.network.network import held_in, unreached
 from thermid.physics.constants import ICE_POINT
@@ -24,8 +25,6 @@ from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large import integrate_model, refusal, settle_model
 from thermid.simulation.solver.problem import Answer, KernelProblem, Options, ints, unsettled
 from thermid.simulation.solver.wiring import Assembled, Wiring
-
-Array = NDArray[np.float64]
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
 

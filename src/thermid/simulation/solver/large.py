@@ -10,18 +10,15 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
+from thermid.linear_algebra import Array, Ints
 from thermid.simulation.solver.extremes import Turnings, by_column
 from thermid.simulation.solver.large_steady import settle_large
 from thermid.simulation.solver.problem import MAY_HAVE_LEFT, NEAR, UNSOLVED, Answer, KernelProblem, Options, limits, runs_away, unsolved
 from thermid.simulation.solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 from thermid.simulation.solver.wiring import Assembled, PlacedConductor
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 METHODS: Final[Mapping[str, int]] = {
     "auto": _kernel.LARGE_AUTO,
@@ -228,7 +225,7 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
     )
 
 
-def _places(problem: KernelProblem, a: Assembled) -> NDArray[np.int32]:
+def _places(problem: KernelProblem, a: Assembled) -> Ints:
     """Return the place in the large network of every node; that of the heat that a node holds is the node's own."""
     stored = a.reduced.stored
     known = {n: k for k, n in enumerate(n for n in problem.nodes if n not in stored)}
@@ -244,9 +241,7 @@ def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Arra
     return found
 
 
-def _conductors(
-    table: Sequence[PlacedConductor], c: Array, follows: Sequence[int], place: NDArray[np.int32], n: int
-) -> tuple[Any, list[RowGroup]]:
+def _conductors(table: Sequence[PlacedConductor], c: Array, follows: Sequence[int], place: Ints, n: int) -> tuple[Any, list[RowGroup]]:
     """Return the constant links between nodes, and the other conductors in groups."""
     links: list[tuple[int, int, float]] = []
     groups: dict[tuple[Any, ...], list[tuple[int, int, float]]] = {}
