@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
-from thermid.reporting.blocks.sections import Figures, Graphic, Plot
+from thermid.reporting.blocks.content import Figures, Graphic, Plot
 from thermid.reporting.pictures.figures import DrawnCurve, ShadedBand, curves
 
 SYNTHETIC = "synthetic: virtual laboratory"

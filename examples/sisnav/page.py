@@ -10,8 +10,22 @@ import findings
 from work import BENCH, HERE, Work
 
 import thermid as td
-from thermid.reporting.blocks.cells import Cell, Head, Line, Table
-from thermid.reporting.blocks.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
+from thermid.reporting.blocks.content import (
+    Block,
+    Cell,
+    Code,
+    Facts,
+    Formulas,
+    Head,
+    Heading,
+    Line,
+    Notes,
+    Picture,
+    Section,
+    Table,
+    Words,
+    folded,
+)
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.pages import tables
 from thermid.reporting.pages.study import study_report

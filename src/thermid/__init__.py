@@ -156,7 +156,7 @@ _PUBLIC = {
     "run_plan": "qualify.programme",
     "Qualification": "qualify.programme",
     "report": "reporting.pages.campaign",
-    "page_to_pdf": "reporting.blocks.pdf",
+    "page_to_pdf": "reporting.blocks.extras",
     "study_report": "reporting.pages.study",
     "structures_report": "reporting.pages.structures",
     "Structure": "reporting.pages.structures",

@@ -11,7 +11,7 @@ import typer
 
 from thermid.errors import ScenarioError
 from thermid.files import PAGE, PAPER, command, may_write, scratch
-from thermid.reporting.blocks.pdf import browser, page_to_pdf
+from thermid.reporting.blocks.extras import browser, page_to_pdf
 from thermid.reporting.pages.views import SCHEMA, clean
 
 if TYPE_CHECKING:

@@ -10,8 +10,21 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.cells import Head, Table
-from thermid.reporting.blocks.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded
+from thermid.reporting.blocks.content import (
+    Code,
+    Facts,
+    Figures,
+    Formulas,
+    Head,
+    Heading,
+    Notes,
+    Picture,
+    Plot,
+    Section,
+    Table,
+    Words,
+    folded,
+)
 from thermid.reporting.pictures.figures import DrawnCurve, ShadedBand, curves
 from webpage import without_script
 

@@ -21,11 +21,10 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
 from thermid.model.tree.tree import Names
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
+from thermid.reporting.blocks.content import DASH, Cell, Graphic, Head, Line, Table, duration, number, plain, pretty, significant
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Graphic
 from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.pages import origins, tables
+from thermid.reporting.pages import tables
 from thermid.reporting.pages.glance import glance, tightest
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
@@ -113,7 +112,7 @@ def report(
     ------
     MissingExtraError   When jinja2 is not installed.
     """
-    made, of = origins.made_records(campaign)
+    made, of = tables.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
@@ -132,9 +131,9 @@ def report(
         overview=figures.overview(_dots(campaign)) if campaign.stages else None,
         stages=[_stage(f"stage-{k}", c, campaign) for k, c in enumerate(_fits(campaign), 1)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
-        data=origins.data(campaign),
-        models=origins.models(campaign),
-        versions=origins.versions(),
+        data=tables.data(campaign),
+        models=tables.models(campaign),
+        versions=tables.versions(),
         seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(_fits(campaign), 1)}),
     )
 
@@ -170,8 +169,8 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
         "moved": moved(c),
         "correlations": tables.correlations(c),
         "areas": tables.areas(c.fitted_model),
-        "held": origins.held(c),
-        "inputs": origins.inputs(c),
+        "held": tables.held(c),
+        "inputs": tables.inputs(c),
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
     picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))

@@ -14,7 +14,7 @@ from thermid.fit.uncertainty.moved import MOVED
 from thermid.knowledge.values import FittedValue
 from thermid.model.tree.tree import ParameterSet
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.cells import Cell, Head, Line, Table, number, pretty, significant
+from thermid.reporting.blocks.content import Cell, Head, Line, Table, number, pretty, significant
 from thermid.reporting.pages.tables import STRONG, at_bound
 
 MOST, LINES = 8, 5

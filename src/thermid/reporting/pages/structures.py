@@ -9,10 +9,26 @@ from pathlib import Path
 from statistics import median
 
 from thermid.arguments import takes_objects
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, pretty, significant
+from thermid.reporting.blocks.content import (
+    DASH,
+    Block,
+    Cell,
+    Figures,
+    Head,
+    Heading,
+    Line,
+    Notes,
+    Plot,
+    Section,
+    Table,
+    Words,
+    folded,
+    number,
+    pretty,
+    significant,
+)
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Block, Figures, Heading, Notes, Plot, Section, Words, folded
-from thermid.reporting.pages import origins
+from thermid.reporting.pages import tables
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 
@@ -111,7 +127,7 @@ def structures_report(
         sections=[
             Section.of("side-by-side", "Side by side", [_overview(structures, taken), *_dots(structures)]),
             Section.of("values", "Values, and what is held against them", _values(structures)),
-            Section.of("provenance", "Provenance", [origins.versions()]),
+            Section.of("provenance", "Provenance", [tables.versions()]),
         ],
     )
 
@@ -148,14 +164,17 @@ def _said(structures: Sequence[Structure], taken: Structure | None) -> list[str]
 
 def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table:
     sensors = list(dict.fromkeys(name for s in structures for name in s.unseen))
-    columns = [Head("structure"), Head("what it is", wrapped=True), Head("free", True)]
-    columns += [
-        Head("dQAIC", True, "difference of AIC from the best, likelihood corrected for residuals that wander; above 10: no support")
+    columns = [
+        Head("structure"),
+        Head("what it is", wrapped=True),
+        Head("free", True),
+        Head("dQAIC", True, "difference of AIC from the best, likelihood corrected for residuals that wander; above 10: no support"),
+        Head("dAIC", True, "as if every sample were independent, which none is"),
+        *(Head(f"{s} fitted, K", True, "median RMSE over the fitted runs") for s in sensors),
+        *(Head(f"{s} unseen, K", True, "median RMSE over runs that no fit has seen") for s in sensors),
+        Head("at bounds", True),
+        Head("physical"),
     ]
-    columns += [Head("dAIC", True, "as if every sample were independent, which none is")]
-    columns += [Head(f"{s} fitted, K", True, "median RMSE over the fitted runs") for s in sensors]
-    columns += [Head(f"{s} unseen, K", True, "median RMSE over runs that no fit has seen") for s in sensors]
-    columns += [Head("at bounds", True), Head("physical")]
     lowest = {s: min((median(x.unseen[s].values()) for x in structures if s in x.unseen), default=0.0) for s in sensors}
     rows: list[Line] = []
     for x in structures:

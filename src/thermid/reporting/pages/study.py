@@ -15,10 +15,27 @@ from thermid.judge.metrics import metric
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, plain, pretty, signed
+from thermid.reporting.blocks.content import (
+    DASH,
+    Block,
+    Cell,
+    Facts,
+    Head,
+    Heading,
+    Line,
+    Notes,
+    Section,
+    Table,
+    Words,
+    as_block,
+    folded,
+    number,
+    plain,
+    pretty,
+    signed,
+)
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Block, Facts, Heading, Notes, Section, Words, as_block, folded
-from thermid.reporting.pages import origins, tables
+from thermid.reporting.pages import tables
 from thermid.reporting.pages.glance import glance, tightest
 
 
@@ -47,7 +64,7 @@ def study_report(
     ------
     MissingExtraError   When jinja2 is not installed.
     """
-    made, of = origins.made_records(campaign)
+    made, of = tables.made_records(campaign)
     text = f"{len(made)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if made else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or made else []
     shown = [_steps_section(study), _parts_section(study), *sections, _record_section(study, campaign)]
@@ -125,8 +142,15 @@ def _boxes(study: Study) -> Table:
 
 
 def _instruments(study: Study) -> Table:
-    columns = [Head("sensor"), Head("accuracy, K", True), Head("resolution, K", True), Head("range, °C", True)]
-    columns += [Head("conversion, s", True), Head("certificate", wrapped=True), Head("basis", wrapped=True)]
+    columns = [
+        Head("sensor"),
+        Head("accuracy, K", True),
+        Head("resolution, K", True),
+        Head("range, °C", True),
+        Head("conversion, s", True),
+        Head("certificate", wrapped=True),
+        Head("basis", wrapped=True),
+    ]
     rows: list[Line] = [
         [
             Cell(name, ", ".join(s.channels), "main"),
@@ -233,8 +257,8 @@ def _record_section(study: Study, campaign: Campaign) -> Section:
     blocks: list[Block | Table] = [
         folded("Log of every step", [lines], f"{len(lines.rows)} lines"),
         folded("Verdicts, criterion by criterion", [tables.verdicts(campaign)]),
-        folded("Data", [origins.data(campaign)]),
-        folded("Models and fits", [origins.models(campaign)]),
-        folded("Versions", [origins.versions()]),
+        folded("Data", [tables.data(campaign)]),
+        folded("Models and fits", [tables.models(campaign)]),
+        folded("Versions", [tables.versions()]),
     ]
     return Section.of("record", "On record", blocks)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.sections import Graphic, LegendEntry
+from thermid.reporting.blocks.content import Graphic, LegendEntry
 from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
 
 if TYPE_CHECKING:
