@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from thermid.campaign.hand import filed
-from thermid.cli.inputs import say_first
-from thermid.cli.options import Accept, Data, Force, Json, KeepValues, Page, Pdf, leave, ready, say, written
+from thermid.cli.options import Accept, Data, Force, Json, KeepValues, Page, Pdf, leave, ready, say, say_first, written
 from thermid.errors import DeckError, ScenarioError
 from thermid.judge import correlation
 from thermid.judge.correlation import read_two

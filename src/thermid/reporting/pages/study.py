@@ -67,7 +67,7 @@ def study_report(
     made, of = tables.made_records(campaign)
     text = f"{len(made)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if made else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or made else []
-    shown = [_steps_section(study), _parts_section(study), *sections, _record_section(study, campaign)]
+    shown = [Section.of("steps", "The four steps", steps(study)), _parts_section(study), *sections, _record_section(study, campaign)]
     failed = [v for v in campaign.verdicts if not v.passed]
     return write_page(
         "study.html.jinja",
@@ -96,10 +96,6 @@ def tile(words: str) -> str:
         f'fill="#8a6f5a" fill-opacity=".13">{escape(words)}</text></svg>'
     )
     return f"data:image/svg+xml,{quote(svg)}"
-
-
-def _steps_section(study: Study) -> Section:
-    return Section.of("steps", "The four steps", steps(study))
 
 
 def steps(study: Study) -> list[Block | Table]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +13,7 @@ from thermid.fit.problem.residuals import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.content import Graphic, LegendEntry
 from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
-
-if TYPE_CHECKING:
-    from thermid.simulation.solution import Solution
-
+from thermid.simulation.solution import Solution
 
 Array = NDArray[np.float64]
 

@@ -395,13 +395,9 @@ def checks(q: Qualification) -> Table:
             lowest, highest = (Cell(celsius(v), f"at {hours(at)}") for v, at in ((c.lowest, c.lowest_time), (c.highest, c.highest_time)))
             by = Cell(f"{c.by}, operating limits" if c.stand_in else c.by, c.undecided)
             rows.append([head, c.point, c.state, by, lowest, highest, ends, room, *times, mark(c.mark), verdict(c.passed)])
-    less = " Where nobody gave limits for a unit switched off, the operating ones stand for them." if _stands_in(q) else ""
+    stands_in = any(c.stand_in for t in q.trials for c in t.checks)
+    less = " Where nobody gave limits for a unit switched off, the operating ones stand for them." if stands_in else ""
     return Table.of(columns, rows, f"Point at a temperature for its time.{less}")
-
-
-def _stands_in(q: Qualification) -> bool:
-    """Return whether operating limits stand for others anywhere."""
-    return any(c.stand_in for t in q.trials for c in t.checks)
 
 
 def settled(t: Trial) -> Table:
