@@ -39,8 +39,17 @@ class Head:
     wrapped: bool = False
 
 
+class Block:
+    """One thing on a page; the template asks for its kind."""
+
+    @property
+    def kind(self) -> str:
+        """Its class as the template writes it."""
+        return type(self).__name__.lower()
+
+
 @dataclass(frozen=True)
-class Table:
+class Table(Block):
     """A table of a report.
 
     Parameters
@@ -162,36 +171,32 @@ def duration(seconds: float) -> str:
 
 
 @dataclass(frozen=True)
-class Words:
+class Words(Block):
     """A paragraph."""
 
     text: str
-    kind: str = "words"
 
 
 @dataclass(frozen=True)
-class Heading:
+class Heading(Block):
     """A heading within a section."""
 
     text: str
-    kind: str = "heading"
 
 
 @dataclass(frozen=True)
-class Notes:
+class Notes(Block):
     """What a reader must not miss, a line each."""
 
     lines: tuple[str, ...]
     title: str = ""
-    kind: str = "notes"
 
 
 @dataclass(frozen=True)
-class Facts:
+class Facts(Block):
     """Names with values, side by side."""
 
     pairs: tuple[tuple[str, str], ...]
-    kind: str = "facts"
 
 
 @dataclass(frozen=True)
@@ -231,62 +236,45 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Figures:
+class Figures(Block):
     """Figures side by side under one legend, or one wide figure."""
 
     plots: tuple[Plot, ...]
     legend: tuple[LegendEntry, ...] = ()
     wide: bool = False
-    kind: str = "figures"
 
 
 @dataclass(frozen=True)
-class Picture:
+class Picture(Block):
     """A diagram as SVG text made by thermid."""
 
     svg: str
     caption: str
-    kind: str = "picture"
 
 
 @dataclass(frozen=True)
-class Formulas:
+class Formulas(Block):
     """Formulas as MathML made by thermid, a line each, with the number that each has elsewhere."""
 
     lines: tuple[tuple[str, str], ...]
     caption: str = ""
-    kind: str = "formulas"
 
 
 @dataclass(frozen=True)
-class Code:
+class Code(Block):
     """A text in a fixed width."""
 
     text: str
     caption: str = ""
-    kind: str = "code"
 
 
 @dataclass(frozen=True)
-class FoldOut:
+class FoldOut(Block):
     """Blocks that open on demand."""
 
     title: str
     blocks: tuple[Block, ...]
     note: str = ""
-    kind: str = "folded"
-
-
-@dataclass(frozen=True)
-class Tabled:
-    """A table as a block."""
-
-    table: Table
-    kind: str = "table"
-
-
-Block = Words | Heading | Notes | Facts | Figures | Picture | Formulas | Code | FoldOut | Tabled
-"""One thing on a page."""
 
 
 @dataclass(frozen=True)
@@ -307,27 +295,22 @@ class Section:
     short: str = ""
 
     @classmethod
-    def of(cls, key: str, title: str, blocks: Sequence[Block | Table], short: str = "") -> Section:
+    def of(cls, key: str, title: str, blocks: Sequence[Block], short: str = "") -> Section:
         """Return a section; tables become blocks, and one without a title has that of the heading above it."""
         return cls(key, title, _titled(title, blocks), short or title)
 
 
-def as_block(block: Block | Table) -> Block:
-    """Return a table as a block, and a block as it is."""
-    return Tabled(block) if isinstance(block, Table) else block
-
-
-def folded(title: str, blocks: Sequence[Block | Table], note: str = "") -> FoldOut:
+def folded(title: str, blocks: Sequence[Block], note: str = "") -> FoldOut:
     """Return blocks that open on demand; tables become blocks, and one without a title has that of what is folded."""
     return FoldOut(title, _titled(title, blocks), note)
 
 
-def _titled(title: str, blocks: Sequence[Block | Table]) -> tuple[Block, ...]:
+def _titled(title: str, blocks: Sequence[Block]) -> tuple[Block, ...]:
     out: list[Block] = []
-    for block in (as_block(b) for b in blocks):
+    for block in blocks:
         if isinstance(block, Heading):
             title = block.text
-        elif isinstance(block, Tabled) and not block.table.title:
-            block = Tabled(replace(block.table, title=title))
+        elif isinstance(block, Table) and not block.title:
+            block = replace(block, title=title)
         out.append(block)
     return tuple(out)

@@ -210,8 +210,8 @@ def _dots(structures: Sequence[Structure]) -> list[Block]:
     return [Figures((Plot(drawn, "RMSE on each run that no fit has seen, K; a structure a line."),), drawn.legend, True)]
 
 
-def _values(structures: Sequence[Structure]) -> list[Block | Table]:
-    out: list[Block | Table] = []
+def _values(structures: Sequence[Structure]) -> list[Block]:
+    out: list[Block] = []
     for s in structures:
         out.append(Heading(s.name))
         if s.refused:

@@ -27,7 +27,6 @@ from thermid.reporting.blocks.content import (
     Section,
     Table,
     Words,
-    as_block,
     folded,
     number,
     plain,
@@ -46,7 +45,7 @@ def study_report(
     *,
     to: str | os.PathLike[str],
     sections: Sequence[Section] = (),
-    outcome: Sequence[Block | Table] = (),
+    outcome: Sequence[Block] = (),
     watermark: str = "",
 ) -> Path:
     """Write a study as one HTML page and return its path. The page loads nothing and runs no script but its own.
@@ -81,7 +80,7 @@ def study_report(
         failed=len(failed),
         judged=len(campaign.verdicts),
         summary=f"on records that no fit has seen; {tightest(campaign)}" if campaign.verdicts else "no record was held out",
-        outcome=[as_block(b) for b in outcome],
+        outcome=outcome,
         sections=shown,
         seen=glance(campaign, {}),
     )
@@ -98,7 +97,7 @@ def tile(words: str) -> str:
     return f"data:image/svg+xml,{quote(svg)}"
 
 
-def steps(study: Study) -> list[Block | Table]:
+def steps(study: Study) -> list[Block]:
     """Return knowledge and use, box colours, set-ups and procedure as they stand on record."""
     options = study.options
     theory = (("solver", study.solver), ("tolerance", f"{options.tolerance:g} K"), ("relative", f"{options.relative:g} of the range seen"))
@@ -165,7 +164,7 @@ def _instruments(study: Study) -> Table:
 def _parts_section(study: Study) -> Section:
     counts = _sources(study)
     told = ", ".join(f"{count} {source}" for source, count in counts.items())
-    blocks: list[Block | Table] = [
+    blocks: list[Block] = [
         parts(study),
         Words(f"Values of the decks by their source: {told}. A value is written once, with its formula or range and the reason."),
         folded("Where every value comes from", [provenance(study)], f"{sum(counts.values())} values"),
@@ -250,7 +249,7 @@ def step_log(study: Study, campaign: Campaign) -> Table:
 
 def _record_section(study: Study, campaign: Campaign) -> Section:
     lines = step_log(study, campaign)
-    blocks: list[Block | Table] = [
+    blocks: list[Block] = [
         folded("Log of every step", [lines], f"{len(lines.rows)} lines"),
         folded("Verdicts, criterion by criterion", [tables.verdicts(campaign)]),
         folded("Data", [tables.data(campaign)]),

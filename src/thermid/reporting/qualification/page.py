@@ -32,7 +32,6 @@ from thermid.reporting.blocks.content import (
     Section,
     Table,
     Words,
-    as_block,
     folded,
     number,
 )
@@ -133,12 +132,11 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
 
 
 def _write(
-    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[Block | Table], passed: bool | None, judged: int, **shown: object
+    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[Block], passed: bool | None, judged: int, **shown: object
 ) -> Path:
     """Write a page; one without a failure and with something open says so in its head, in place of a count of what passed."""
     head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
-    blocks = [as_block(b) for b in outcome]
-    return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=blocks, **shown)
+    return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=outcome, **shown)
 
 
 def _what_is_open(q: Qualification) -> list[Block]:
@@ -180,6 +178,9 @@ def sections(q: Qualification) -> list[Section]:
     """Return the sections of a correlation report, in their order."""
     content = q.plan.content
     logged = [t for t in q.trials if t.correlation is not None]
+    predictions = [
+        folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials
+    ]
     objectives = [Notes(tuple(content.objectives), "Objectives"), Notes(tuple(content.success), "Success criteria")]
     return [
         Section.of("objectives", "Objectives and success criteria", [*objectives, folded("Criteria, with their sources", [_criteria(q)])]),
@@ -193,7 +194,7 @@ def sections(q: Qualification) -> list[Section]:
             "Boundaries and power",
         ),
         Section.of("stabilisation", "Stabilisation", _stabilisation(q)),
-        Section.of("predicted", "Pre-test predictions and measurements", _foreseen(q), "Predictions and readings"),
+        Section.of("predicted", "Pre-test predictions and measurements", predictions, "Predictions and readings"),
         Section.of("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
         Section.of("parameters", "Parameter changes", [tables.changes(q)] if q.known.values else [Words("Nothing was fitted.")]),
         Section.of("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
@@ -231,7 +232,7 @@ def _criteria(q: Qualification) -> Table:
     return Table.of(columns, rows)
 
 
-def _configuration(q: Qualification) -> list[Block | Table]:
+def _configuration(q: Qualification) -> list[Block]:
     given = q.plan.content.configuration
     rows: list[Line] = [[d.what, d.effect or DASH] for d in given.differences]
     flat = flatten(q.known.model)
@@ -243,7 +244,7 @@ def _configuration(q: Qualification) -> list[Block | Table]:
     ]
 
 
-def _as_run(q: Qualification) -> list[Block | Table]:
+def _as_run(q: Qualification) -> list[Block]:
     rows: list[Line] = []
     for t in q.trials:
         deviations = "; ".join(t.test.deviations) or ("none stated" if t.correlation is not None else DASH)
@@ -262,7 +263,7 @@ def _as_run(q: Qualification) -> list[Block | Table]:
     return [Table.of([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
 
 
-def _leaks(q: Qualification) -> list[Block | Table]:
+def _leaks(q: Qualification) -> list[Block]:
     rows: list[Line] = []
     for t in q.trials:
         given = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
@@ -283,8 +284,8 @@ def _leaks(q: Qualification) -> list[Block | Table]:
     ]
 
 
-def _stabilisation(q: Qualification) -> list[Block | Table]:
-    out: list[Block | Table] = []
+def _stabilisation(q: Qualification) -> list[Block]:
+    out: list[Block] = []
     for t in (t for t in q.trials if t.course is not None):
         assert t.course is not None
         waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} of waiting for the unit"
@@ -297,12 +298,8 @@ def _stabilisation(q: Qualification) -> list[Block | Table]:
     return out or [Words("No test of this plan waits for its unit, and no settled stretch was logged.")]
 
 
-def _foreseen(q: Qualification) -> list[Block | Table]:
-    return [folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials]
-
-
-def _heat(q: Qualification) -> list[Block | Table]:
-    out: list[Block | Table] = []
+def _heat(q: Qualification) -> list[Block]:
+    out: list[Block] = []
     for t in q.trials:
         b = t.foresight.solution.heat_balance()
         told = (
@@ -312,8 +309,8 @@ def _heat(q: Qualification) -> list[Block | Table]:
     return out
 
 
-def _deviations(logged: Sequence[Trial]) -> list[Block | Table]:
-    out: list[Block | Table] = []
+def _deviations(logged: Sequence[Trial]) -> list[Block]:
+    out: list[Block] = []
     for t in logged:
         c = t.correlation
         assert c is not None
@@ -327,15 +324,15 @@ def _deviations(logged: Sequence[Trial]) -> list[Block | Table]:
     return out or [Words("No log has come back yet.")]
 
 
-def _transients(logged: Sequence[Trial]) -> list[Block | Table]:
-    out: list[Block | Table] = []
+def _transients(logged: Sequence[Trial]) -> list[Block]:
+    out: list[Block] = []
     for k, t in enumerate(logged):
         assert t.correlation is not None
         out += [Heading(t.test.name), all_overlays(t.correlation, f"over-{k}", t.synthetic)]
     return out or [Words("No log has come back yet.")]
 
 
-def _open(q: Qualification) -> list[Block | Table]:
+def _open(q: Qualification) -> list[Block]:
     found = [*q.plan.content.discrepancies]
     found += [
         f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"
@@ -346,7 +343,7 @@ def _open(q: Qualification) -> list[Block | Table]:
     return [Notes(tuple(found), "Open")] if found else [Words("None stated and none found.")]
 
 
-def _envelope(q: Qualification) -> list[Block | Table]:
+def _envelope(q: Qualification) -> list[Block]:
     v = q.plan.content.validity
     pairs = [
         ("temperature", v.temperature),
@@ -359,7 +356,7 @@ def _envelope(q: Qualification) -> list[Block | Table]:
     return [Facts(said or (("calibrated", "the plan does not say where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
 
 
-def _assumed(q: Qualification) -> list[Block | Table]:
+def _assumed(q: Qualification) -> list[Block]:
     if not q.assumptions:
         return [Words("Nothing is assumed: every value of the decks has another source.")]
     whole = tables.assumed(q)

@@ -19,7 +19,6 @@ from thermid.reporting.blocks.content import (
     Head,
     Line,
     Table,
-    as_block,
     folded,
     number,
     plain,
@@ -155,7 +154,7 @@ def duties(q: Qualification) -> list[Block]:
         for h in t.heaters
     ]
     if rows:
-        out.append(as_block(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: what leaves the power margin.")))
+        out.append(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: what leaves the power margin."))
     for t in q.trials:
         times = t.foresight.solution.times
         lines: list[Line] = []
