@@ -39,7 +39,7 @@ class Head:
     wrapped: bool = False
 
 
-class Block:
+class PageBlock:
     """One thing on a page; the template asks for its kind."""
 
     @property
@@ -49,7 +49,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Table(Block):
+class Table(PageBlock):
     """A table of a report.
 
     Parameters
@@ -171,21 +171,21 @@ def duration(seconds: float) -> str:
 
 
 @dataclass(frozen=True)
-class Words(Block):
+class Words(PageBlock):
     """A paragraph."""
 
     text: str
 
 
 @dataclass(frozen=True)
-class Heading(Block):
+class Heading(PageBlock):
     """A heading within a section."""
 
     text: str
 
 
 @dataclass(frozen=True)
-class Notes(Block):
+class Notes(PageBlock):
     """What a reader must not miss, a line each."""
 
     lines: tuple[str, ...]
@@ -193,7 +193,7 @@ class Notes(Block):
 
 
 @dataclass(frozen=True)
-class Facts(Block):
+class Facts(PageBlock):
     """Names with values, side by side."""
 
     pairs: tuple[tuple[str, str], ...]
@@ -236,7 +236,7 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Figures(Block):
+class Figures(PageBlock):
     """Figures side by side under one legend, or one wide figure."""
 
     plots: tuple[Plot, ...]
@@ -245,7 +245,7 @@ class Figures(Block):
 
 
 @dataclass(frozen=True)
-class Picture(Block):
+class Picture(PageBlock):
     """A diagram as SVG text made by thermid."""
 
     svg: str
@@ -253,7 +253,7 @@ class Picture(Block):
 
 
 @dataclass(frozen=True)
-class Formulas(Block):
+class Formulas(PageBlock):
     """Formulas as MathML made by thermid, a line each, with the number that each has elsewhere."""
 
     lines: tuple[tuple[str, str], ...]
@@ -261,7 +261,7 @@ class Formulas(Block):
 
 
 @dataclass(frozen=True)
-class Code(Block):
+class Code(PageBlock):
     """A text in a fixed width."""
 
     text: str
@@ -269,11 +269,11 @@ class Code(Block):
 
 
 @dataclass(frozen=True)
-class FoldOut(Block):
+class FoldOut(PageBlock):
     """Blocks that open on demand."""
 
     title: str
-    blocks: tuple[Block, ...]
+    blocks: tuple[PageBlock, ...]
     note: str = ""
 
 
@@ -291,22 +291,22 @@ class Section:
 
     key: str
     title: str
-    blocks: tuple[Block, ...]
+    blocks: tuple[PageBlock, ...]
     short: str = ""
 
     @classmethod
-    def of(cls, key: str, title: str, blocks: Sequence[Block], short: str = "") -> Section:
+    def of(cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "") -> Section:
         """Return a section; tables become blocks, and one without a title has that of the heading above it."""
         return cls(key, title, _titled(title, blocks), short or title)
 
 
-def folded(title: str, blocks: Sequence[Block], note: str = "") -> FoldOut:
+def folded(title: str, blocks: Sequence[PageBlock], note: str = "") -> FoldOut:
     """Return blocks that open on demand; tables become blocks, and one without a title has that of what is folded."""
     return FoldOut(title, _titled(title, blocks), note)
 
 
-def _titled(title: str, blocks: Sequence[Block]) -> tuple[Block, ...]:
-    out: list[Block] = []
+def _titled(title: str, blocks: Sequence[PageBlock]) -> tuple[PageBlock, ...]:
+    out: list[PageBlock] = []
     for block in blocks:
         if isinstance(block, Heading):
             title = block.text

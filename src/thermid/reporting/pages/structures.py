@@ -11,13 +11,13 @@ from statistics import median
 from thermid.arguments import takes_objects
 from thermid.reporting.blocks.content import (
     DASH,
-    Block,
     Cell,
     Figures,
     Head,
     Heading,
     Line,
     Notes,
+    PageBlock,
     Plot,
     Section,
     Table,
@@ -202,7 +202,7 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
     return Table.of(columns, rows, caption)
 
 
-def _dots(structures: Sequence[Structure]) -> list[Block]:
+def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
     known = [Dots(s.name, {sensor: list(runs.values()) for sensor, runs in s.unseen.items()}, True) for s in structures if s.unseen]
     if not known:
         return []
@@ -210,8 +210,8 @@ def _dots(structures: Sequence[Structure]) -> list[Block]:
     return [Figures((Plot(drawn, "RMSE on each run that no fit has seen, K; a structure a line."),), drawn.legend, True)]
 
 
-def _values(structures: Sequence[Structure]) -> list[Block]:
-    out: list[Block] = []
+def _values(structures: Sequence[Structure]) -> list[PageBlock]:
+    out: list[PageBlock] = []
     for s in structures:
         out.append(Heading(s.name))
         if s.refused:

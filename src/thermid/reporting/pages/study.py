@@ -17,13 +17,13 @@ from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.content import (
     DASH,
-    Block,
     Cell,
     Facts,
     Head,
     Heading,
     Line,
     Notes,
+    PageBlock,
     Section,
     Table,
     Words,
@@ -45,7 +45,7 @@ def study_report(
     *,
     to: str | os.PathLike[str],
     sections: Sequence[Section] = (),
-    outcome: Sequence[Block] = (),
+    outcome: Sequence[PageBlock] = (),
     watermark: str = "",
 ) -> Path:
     """Write a study as one HTML page and return its path. The page loads nothing and runs no script but its own.
@@ -97,7 +97,7 @@ def tile(words: str) -> str:
     return f"data:image/svg+xml,{quote(svg)}"
 
 
-def steps(study: Study) -> list[Block]:
+def steps(study: Study) -> list[PageBlock]:
     """Return knowledge and use, box colours, set-ups and procedure as they stand on record."""
     options = study.options
     theory = (("solver", study.solver), ("tolerance", f"{options.tolerance:g} K"), ("relative", f"{options.relative:g} of the range seen"))
@@ -164,7 +164,7 @@ def _instruments(study: Study) -> Table:
 def _parts_section(study: Study) -> Section:
     counts = _sources(study)
     told = ", ".join(f"{count} {source}" for source, count in counts.items())
-    blocks: list[Block] = [
+    blocks: list[PageBlock] = [
         parts(study),
         Words(f"Values of the decks by their source: {told}. A value is written once, with its formula or range and the reason."),
         folded("Where every value comes from", [provenance(study)], f"{sum(counts.values())} values"),
@@ -249,7 +249,7 @@ def step_log(study: Study, campaign: Campaign) -> Table:
 
 def _record_section(study: Study, campaign: Campaign) -> Section:
     lines = step_log(study, campaign)
-    blocks: list[Block] = [
+    blocks: list[PageBlock] = [
         folded("Log of every step", [lines], f"{len(lines.rows)} lines"),
         folded("Verdicts, criterion by criterion", [tables.verdicts(campaign)]),
         folded("Data", [tables.data(campaign)]),

@@ -69,7 +69,7 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
 
     Parameters
     ----------
-    blocks : sequence of Block  Every trace of a stage.
+    blocks : sequence of PageBlock  Every trace of a stage.
     most : int                  At most so many.
     """
     size = {id(b): float(np.sqrt(np.mean(b.residuals**2))) for b in blocks}
@@ -132,7 +132,7 @@ def trace(block: SensorTrace, key: str, label: str) -> Graphic:
 
     Parameters
     ----------
-    block : Block   The readings.
+    block : PageBlock   The readings.
     key : str       Prefix of the figure's identifiers, different for every figure of a page.
     label : str     What a screen reader says before what is seen.
     """

@@ -18,7 +18,6 @@ from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial
 from thermid.reporting.blocks.content import (
     DASH,
-    Block,
     Cell,
     Facts,
     Figures,
@@ -28,6 +27,7 @@ from thermid.reporting.blocks.content import (
     LegendEntry,
     Line,
     Notes,
+    PageBlock,
     Plot,
     Section,
     Table,
@@ -132,14 +132,14 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
 
 
 def _write(
-    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[Block], passed: bool | None, judged: int, **shown: object
+    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[PageBlock], passed: bool | None, judged: int, **shown: object
 ) -> Path:
     """Write a page; one without a failure and with something open says so in its head, in place of a count of what passed."""
     head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
     return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=outcome, **shown)
 
 
-def _what_is_open(q: Qualification) -> list[Block]:
+def _what_is_open(q: Qualification) -> list[PageBlock]:
     """Return what is not decided and why, what was waived, and what must be known of the logs."""
     waived = tuple(f"{n}: held against its limits alone" for n in q.waived)
     remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
@@ -157,7 +157,7 @@ def _signatures(q: Qualification) -> list[str]:
     return out
 
 
-def _courses(q: Qualification) -> list[Block]:
+def _courses(q: Qualification) -> list[PageBlock]:
     """Return the worst part of every test over time."""
     plots: list[Plot] = []
     legend: dict[str, LegendEntry] = {}
@@ -232,7 +232,7 @@ def _criteria(q: Qualification) -> Table:
     return Table.of(columns, rows)
 
 
-def _configuration(q: Qualification) -> list[Block]:
+def _configuration(q: Qualification) -> list[PageBlock]:
     given = q.plan.content.configuration
     rows: list[Line] = [[d.what, d.effect or DASH] for d in given.differences]
     flat = flatten(q.known.model)
@@ -244,7 +244,7 @@ def _configuration(q: Qualification) -> list[Block]:
     ]
 
 
-def _as_run(q: Qualification) -> list[Block]:
+def _as_run(q: Qualification) -> list[PageBlock]:
     rows: list[Line] = []
     for t in q.trials:
         deviations = "; ".join(t.test.deviations) or ("none stated" if t.correlation is not None else DASH)
@@ -263,7 +263,7 @@ def _as_run(q: Qualification) -> list[Block]:
     return [Table.of([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
 
 
-def _leaks(q: Qualification) -> list[Block]:
+def _leaks(q: Qualification) -> list[PageBlock]:
     rows: list[Line] = []
     for t in q.trials:
         given = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
@@ -284,8 +284,8 @@ def _leaks(q: Qualification) -> list[Block]:
     ]
 
 
-def _stabilisation(q: Qualification) -> list[Block]:
-    out: list[Block] = []
+def _stabilisation(q: Qualification) -> list[PageBlock]:
+    out: list[PageBlock] = []
     for t in (t for t in q.trials if t.course is not None):
         assert t.course is not None
         waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} of waiting for the unit"
@@ -298,8 +298,8 @@ def _stabilisation(q: Qualification) -> list[Block]:
     return out or [Words("No test of this plan waits for its unit, and no settled stretch was logged.")]
 
 
-def _heat(q: Qualification) -> list[Block]:
-    out: list[Block] = []
+def _heat(q: Qualification) -> list[PageBlock]:
+    out: list[PageBlock] = []
     for t in q.trials:
         b = t.foresight.solution.heat_balance()
         told = (
@@ -309,8 +309,8 @@ def _heat(q: Qualification) -> list[Block]:
     return out
 
 
-def _deviations(logged: Sequence[Trial]) -> list[Block]:
-    out: list[Block] = []
+def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
+    out: list[PageBlock] = []
     for t in logged:
         c = t.correlation
         assert c is not None
@@ -324,15 +324,15 @@ def _deviations(logged: Sequence[Trial]) -> list[Block]:
     return out or [Words("No log has come back yet.")]
 
 
-def _transients(logged: Sequence[Trial]) -> list[Block]:
-    out: list[Block] = []
+def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
+    out: list[PageBlock] = []
     for k, t in enumerate(logged):
         assert t.correlation is not None
         out += [Heading(t.test.name), all_overlays(t.correlation, f"over-{k}", t.synthetic)]
     return out or [Words("No log has come back yet.")]
 
 
-def _open(q: Qualification) -> list[Block]:
+def _open(q: Qualification) -> list[PageBlock]:
     found = [*q.plan.content.discrepancies]
     found += [
         f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"
@@ -343,7 +343,7 @@ def _open(q: Qualification) -> list[Block]:
     return [Notes(tuple(found), "Open")] if found else [Words("None stated and none found.")]
 
 
-def _envelope(q: Qualification) -> list[Block]:
+def _envelope(q: Qualification) -> list[PageBlock]:
     v = q.plan.content.validity
     pairs = [
         ("temperature", v.temperature),
@@ -356,7 +356,7 @@ def _envelope(q: Qualification) -> list[Block]:
     return [Facts(said or (("calibrated", "the plan does not say where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
 
 
-def _assumed(q: Qualification) -> list[Block]:
+def _assumed(q: Qualification) -> list[PageBlock]:
     if not q.assumptions:
         return [Words("Nothing is assumed: every value of the decks has another source.")]
     whole = tables.assumed(q)

@@ -14,10 +14,10 @@ from thermid.qualify.programme import Qualification
 from thermid.qualify.trial import Trial, sensors_of
 from thermid.reporting.blocks.content import (
     DASH,
-    Block,
     Cell,
     Head,
     Line,
+    PageBlock,
     Table,
     folded,
     number,
@@ -130,9 +130,9 @@ def stated_text(spread: str | Mapping[str, str | float]) -> str:
     return spread if isinstance(spread, str) else ", ".join(f"{k} {v}" for k, v in spread.items())
 
 
-def duties(q: Qualification) -> list[Block]:
+def duties(q: Qualification) -> list[PageBlock]:
     """Return the duty of every heater with its margin, and the power of every load per test."""
-    out: list[Block] = []
+    out: list[PageBlock] = []
     columns = [
         Head("test"),
         Head("heater"),
