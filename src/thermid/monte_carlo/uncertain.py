@@ -17,6 +17,7 @@ from thermid.fit.calibration import Calibration
 from thermid.knowledge.sources import Choice, LeftOut, Source
 from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValues
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing
 from thermid.model.tree.model import Model
@@ -125,7 +126,6 @@ def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
     return budget.beside(source, chosen)
 
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError
+from thermid.linear_algebra import Array
 
-Array = NDArray[np.float64]
 Window = tuple[float, float] | None
 POINTS = 1200
 """Points of a curve that are sent to a page: more than a screen has columns for it."""

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.fit.minimisation import Fit, ended
@@ -18,11 +17,10 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values import rooted
-from thermid.linear_algebra import covariance, finite, rank
+from thermid.linear_algebra import Array, Bools, covariance, finite, rank
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.solver.problem import Options
 
-Array = NDArray[np.float64]
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)
 """Tight enough that a direction without information shows as such and not as the integrator's error.
 
@@ -237,7 +235,7 @@ class Responses:
     rows: Array
     sources: tuple[Source, ...]
     noise: Array
-    unlimited: NDArray[np.bool_]
+    unlimited: Bools
 
     @property
     def total(self) -> Array:
