@@ -71,7 +71,7 @@ COMMANDS = {
         "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
     ),
     "profile": Place(
-        "profile.profile",
+        "qualify.profile",
         "Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit.",
     ),
     "settle": Place(

@@ -25,7 +25,7 @@ from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, dura
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.pages import tables
-from thermid.reporting.pages.glance import glance, tightest
+from thermid.reporting.pages.tables import glance, tightest
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 from thermid.simulation.solution import Solution

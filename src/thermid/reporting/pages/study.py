@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import quote
@@ -35,7 +36,7 @@ from thermid.reporting.blocks.content import (
 )
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.pages import tables
-from thermid.reporting.pages.glance import glance, tightest
+from thermid.reporting.pages.tables import glance, tightest
 
 
 @takes_objects
@@ -162,8 +163,8 @@ def _instruments(study: Study) -> Table:
 
 
 def _parts_section(study: Study) -> Section:
-    counts = _sources(study)
-    told = ", ".join(f"{count} {source}" for source, count in counts.items())
+    counts = Counter(p.source for _, _, p in _stated(study))
+    told = ", ".join(f"{counts[source]} {source}" for source in sorted(counts))
     blocks: list[PageBlock] = [
         parts(study),
         Words(f"Values of the decks by their source: {told}. A value is written once, with its formula or range and the reason."),
@@ -204,11 +205,6 @@ def _stated(study: Study) -> Iterator[tuple[str, str, Parameter]]:
     for title, deck in _decks(study.model).items():
         named = [(name, p) for name, _, p in deck.own_parameters()]
         yield from ((title, name, p) for name, p in (*named, *deck.settings.items()) if p.source)
-
-
-def _sources(study: Study) -> dict[str, int]:
-    found = [p.source for _, _, p in _stated(study)]
-    return {source: found.count(source) for source in sorted(set(found))}
 
 
 def provenance(study: Study) -> Table:

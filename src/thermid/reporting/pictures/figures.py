@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -155,7 +155,8 @@ def overview(lines: Sequence[Dots]) -> Graphic:
         return left + (width - left - right) * value / highest
 
     def dot(m: int, x: float, y: float) -> str:
-        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="fill:{_series(m)};fill-opacity:.75"/>'
+        fill = f"fill:var(--s{m % len(SERIES)},{SERIES[m % len(SERIES)]})"
+        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="{fill};fill-opacity:.75"/>'
 
     rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
     out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
@@ -194,10 +195,6 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     return Graphic(markup, tuple(entries), points)
 
 
-def _series(k: int) -> str:
-    return f"var(--s{k % len(SERIES)},{SERIES[k % len(SERIES)]})"
-
-
 def _cut(text: str) -> str:
     return text if len(text) <= 26 else text[:25] + "…"
 
@@ -229,9 +226,8 @@ STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
 """Colour, width [px] and dashes of every look."""
 
 
-@dataclass(frozen=True)
-class DrawnCurve:
-    """One line.
+def curve(label: str, look: str, times: Array, values: Array, less: tuple[str, str] | None = None) -> Stroke:
+    """Return one line for `curves`.
 
     Parameters
     ----------
@@ -241,31 +237,16 @@ class DrawnCurve:
     values : array (times,) In the unit of the axis.
     less : (str, str)       Labels of the two curves whose difference it is, in the same unit; None for no difference.
     """
-
-    label: str
-    look: str
-    times: Array
-    values: Array
-    less: tuple[str, str] | None = None
-
-
-@dataclass(frozen=True)
-class ShadedBand:
-    """An area between two lines, such as an interval; times [s], low and high (times,) in the unit of the axis."""
-
-    label: str
-    times: Array
-    low: Array
-    high: Array
+    return Stroke(label, times, values, *STYLES[look], less=less)
 
 
 def curves(
-    lines: Sequence[DrawnCurve],
+    lines: Sequence[Stroke],
     key: str,
     label: str,
     *,
-    band: ShadedBand | None = None,
-    below: Sequence[DrawnCurve] = (),
+    band: Area | None = None,
+    below: Sequence[Stroke] = (),
     names: tuple[str, str] = ("temperature, °C", ""),
     top: float | None = None,
     size: tuple[float, float] = (440, 250),
@@ -274,31 +255,31 @@ def curves(
 
     Parameters
     ----------
-    lines : sequence of DrawnCurve  What is drawn.
+    lines : sequence of Stroke  What is drawn, over seconds.
     key : str                   Prefix of the figure's identifiers.
     label : str                 What a screen reader says.
-    band : ShadedBand               An interval behind the lines.
+    band : Area                 An interval behind the lines.
     below : sequence            Curves of a second, lower axis, such as differences.
     names : (upper, lower)      What the axes show.
     top : float                 Upper end of the axis, where not everything is to be seen.
     size : (width, height)      [px]
     """
-    length, unit = time_unit(max(float(c.times[-1]) for c in lines))
-    areas = [Area(band.label, band.times / length, band.low, band.high, STYLES["simulated"][0])] if band is not None else []
-    panels = [_panel(names[0], lines, length, areas, top, 2.2)]
+    length, unit = time_unit(max(float(c.x[-1]) for c in lines))
+    areas = [replace(band, x=band.x / length)] if band is not None else []
+    panels = [_axes(names[0], lines, length, areas, top, 2.2)]
     if below:
-        panels.append(_panel(names[1], below, length))
+        panels.append(_axes(names[1], below, length))
     markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
-    seen = {c.label: STYLES[c.look] for c in (*lines, *below)}
-    entries = [LegendEntry(text, variable, dash, width=width) for text, ((variable, _), width, dash) in seen.items()]
+    seen = {c.label: c for c in (*lines, *below)}
+    entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in seen.items()]
     if band is not None:
         entries.append(LegendEntry(band.label, "--f-simulated", "band"))
     return Graphic(markup, tuple(entries), points)
 
 
-def _panel(
-    name: str, lines: Sequence[DrawnCurve], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
+def _axes(
+    name: str, lines: Sequence[Stroke], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
 ) -> Panel:
     what, _, unit = name.partition(", ")
-    drawn = [Stroke(c.label, c.times / length, c.values, *STYLES[c.look], less=c.less) for c in lines]
+    drawn = [replace(c, x=c.x / length) for c in lines]
     return Panel(what, unit, drawn, areas, top=top, share=share)

@@ -38,7 +38,8 @@ from thermid.reporting.blocks.content import (
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.pages.study import tile
 from thermid.reporting.pages.tables import versions
-from thermid.reporting.pictures.figures import DrawnCurve, ShadedBand, compared, curves
+from thermid.reporting.pictures.chart import Area, Stroke
+from thermid.reporting.pictures.figures import compared, curve, curves
 from thermid.reporting.qualification import tables
 from thermid.reporting.qualification.tables import hours, mark
 from thermid.sourced import VERDICTS, weigh
@@ -418,16 +419,16 @@ def course(t: Trial, key: str) -> Graphic | None:
         return None
     band = t.foresight.prediction[worst.node]
     low, high = band.interval()
-    lines = [DrawnCurve("simulated", "simulated", band.times, band.simulated - ICE_POINT)]
+    lines = [curve("simulated", "simulated", band.times, band.simulated - ICE_POINT)]
     read = [o for o in t.correlation.overlays if o.node == worst.node] if t.correlation is not None and worst.by == "measured" else []
-    lines += [DrawnCurve("measured", "measured", o.times, o.measured - ICE_POINT) for o in read]
+    lines += [curve("measured", "measured", o.times, o.measured - ICE_POINT) for o in read]
     lines += [line for one in t.limits if one.point == worst.point for line in _limits(t, one)]
-    return curves(lines, key, f"{worst.point} in {t.test.name}", band=ShadedBand("95 % interval", band.times, low, high), size=(440, 240))
+    return curves(lines, key, f"{worst.point} in {t.test.name}", band=Area("95 % interval", band.times, low, high), size=(440, 240))
 
 
-def _limits(t: Trial, one: Limits) -> Iterator[DrawnCurve]:
+def _limits(t: Trial, one: Limits) -> Iterator[Stroke]:
     """Yield the limits of a point as lines over the stretches in which their state holds."""
     for s in spans(t.foresight.solution, one, "operating" if t.test.operating else "non-operating"):
         ends = np.array([s.start, s.end])
         for limit in (x for x in s.limits if np.isfinite(x)):
-            yield DrawnCurve(f"limit, {s.state}", LOOKS[s.state], ends, np.full(2, limit - ICE_POINT))
+            yield curve(f"limit, {s.state}", LOOKS[s.state], ends, np.full(2, limit - ICE_POINT))
