@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import RecordError
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import at_their_seats, attached, bind, role_and_target
+from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.measure.amounts import short
 from thermid.measure.record.steadiness import SteadyPoint
@@ -23,8 +23,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.steady import steady
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

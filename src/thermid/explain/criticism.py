@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
@@ -14,10 +13,10 @@ from thermid.explain.candidates import MissingElement, missing_elements
 from thermid.explain.whiteness import ljung_box, modes_of, periodogram, stretches, trace_likelihood
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
+from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.simulation.transient import simulate
 
-Array = NDArray[np.float64]
 STRONG, POSSIBLE = 10.0, 2.0
 """Differences of BIC that count as very strong evidence, and as evidence worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
 773-795, DOI 10.1080/01621459.1995.10476572."""

@@ -8,15 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import GROUPS, Fault, faults_of
 from thermid.fit.calibration import Calibration
+from thermid.linear_algebra import Array
 from thermid.simulation.simulator import Simulator, prepare
 
-Array = NDArray[np.float64]
 BINS = 24
 """Stretches of time into which every log is thinned."""
 ROUNDS, REFITTED = 4, 6

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thermid.linear_algebra import Array
+
 MOST_LAGS, STRETCHES, FEWEST = 20, 150, 12
 
 

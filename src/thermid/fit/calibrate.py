@@ -10,7 +10,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
@@ -30,6 +29,7 @@ from thermid.fit.uncertainty.moved import Moves, moves_above
 from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues, view
+from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.measure.amounts import short, some
 from thermid.model.laws.signal import TableSignal
@@ -40,7 +40,6 @@ from thermid.model.tree.tree import deck_text, parameter_table
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 
-Array = NDArray[np.float64]
 NOISES, SHARE = 3.0, 0.02
 """What the autocorrelated part of residuals may be, as a standard deviation: so many noises of the sensor, or so much of what the sensor
 ranged over in the record, whichever is more. [-]"""

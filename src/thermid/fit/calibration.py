@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.experiment import Experiment
@@ -96,9 +95,6 @@ def _words(v: FittedValue, deviations: float) -> str:
     if v.kind == "instrument":
         return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit}, {times} deviations from what is stated"
     return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit}, {times} deviations from its prior"
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
@@ -24,7 +23,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import finite
+from thermid.linear_algebra import Array, finite
 from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.model.tree.identity import identity_of
@@ -37,7 +36,6 @@ from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.wiring import Wiring
 
-Array = NDArray[np.float64]
 POINTS = 301
 SMALL = 1e-3
 """Part of the reference difference below which a coefficient's growth with the difference no longer matters: no heat flows."""

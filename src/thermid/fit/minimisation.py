@@ -19,11 +19,8 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, SolverError, nearest
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
-from thermid.linear_algebra import NOTHING, covariance, finite, pseudo_inverse, sandwich
+from thermid.linear_algebra import NOTHING, Array, covariance, finite, pseudo_inverse, sandwich
 from thermid.simulation.ensemble import run_members
-
-Array = NDArray[np.float64]
-
 
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this

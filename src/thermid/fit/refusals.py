@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import combinations, islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, ThermidError
 from thermid.fit.calibration import FIRST, TIMES, Calibration
@@ -18,7 +17,7 @@ from thermid.fit.problem.unknowns import starting_point
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.knowledge.store import Store
-from thermid.linear_algebra import null_space, symmetric_inverse
+from thermid.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
 from thermid.units import NAMES, unit
@@ -105,9 +104,6 @@ def _exchanged(record: Record, a: str, b: str) -> Record:
 
 def _scaled(record: Record, factor: float) -> list[Channel]:
     return [replace(c, values=factor * c.values) for c in record.channels.values() if c.quantity == "power"]
-
-
-Array = NDArray[np.float64]
 
 
 def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> None:

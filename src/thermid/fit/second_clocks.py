@@ -14,7 +14,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
@@ -25,13 +24,13 @@ from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
+from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.memo import Memo
 from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-Array = NDArray[np.float64]
 OFFSETS, RATES, ROUNDS = 25, 5, 5
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.design.planned import planned_record, sensors_of
@@ -21,6 +20,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.uncertainty.groups import Group, listed, percent, practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
+from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.elements import HeatLoad
@@ -30,7 +30,6 @@ from thermid.network.network import compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted, unit
 
-Array = NDArray[np.float64]
 KNOWN = 0.05
 """A prior that is easily had: 5 %."""
 MOST = 4

@@ -15,8 +15,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import box_of, package
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
+from thermid.linear_algebra import Array
 
-Array = NDArray[np.float64]
 ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
 

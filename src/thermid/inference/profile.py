@@ -13,10 +13,9 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import minimise
 from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.linear_algebra import covariance
+from thermid.linear_algebra import Array, covariance
 from thermid.units import unit
 
-Array = NDArray[np.float64]
 MOST_STEPS, FIRST, FARTHEST = 14, 0.7, 7.0
 """Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""
 

@@ -14,8 +14,8 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.inference.identifiability import Identifiability
 from thermid.inference.profile import Held, asked, spread_of
+from thermid.linear_algebra import Array
 
-Array = NDArray[np.float64]
 GRID = 25
 
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, nearest
 from thermid.expression import parse
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
 
-Array = NDArray[np.float64]
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")
 """Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""

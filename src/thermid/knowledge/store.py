@@ -8,19 +8,16 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import parse
 from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
-from thermid.linear_algebra import symmetric_inverse
+from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.identity import depth, inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Dropped
 from thermid.model.tree.tree import Entry, deck_text, parameter_table
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

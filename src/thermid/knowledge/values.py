@@ -12,19 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge.sources import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source
 from thermid.knowledge.store import State, Store, ValueOrigin
-from thermid.linear_algebra import square_root
+from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.replacement import Dropped
 from thermid.units import unit
 
-Array = NDArray[np.float64]
 SCHEMA = 2
 AGREES = 1e-6
 """Relative difference between an error and its row beyond which a file was changed by hand. [-]"""

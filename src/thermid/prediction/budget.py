@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
@@ -17,6 +16,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint, coefficient_path, constant_coefficients, kept_in, misfit_kept
 from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
 from thermid.knowledge.values import FittedValues
+from thermid.linear_algebra import Array
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
@@ -37,7 +37,6 @@ from thermid.prediction.structural import (
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 
-Array = NDArray[np.float64]
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
 Form = Literal["add", "log", "factor", "mode", "node"]

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
+from thermid.linear_algebra import Array
 from thermid.model.parts.parameter import Standing
 from thermid.prediction.budget import Budget, budget_of
 from thermid.prediction.known import Known, Rows
@@ -23,7 +23,6 @@ from thermid.simulation.solution import Solution
 from thermid.simulation.solver.problem import Options
 from thermid.simulation.transient import simulate
 
-Array = NDArray[np.float64]
 Given = Mapping[str, Any]
 FURTHEST = 3
 """How many of the highest and of the lowest turning points of every node are stored beside the times that are asked for."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
@@ -16,11 +15,9 @@ from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
 from thermid.knowledge.store import Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
-from thermid.linear_algebra import square_root
+from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

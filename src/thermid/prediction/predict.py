@@ -17,6 +17,7 @@ from thermid.files import TABLE, replacing
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint, constant_coefficients
 from thermid.knowledge.sources import LeftOut
+from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
@@ -28,7 +29,6 @@ from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.problem import Options
 
-Array = NDArray[np.float64]
 EXACT = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
 GUESSED = 0.25

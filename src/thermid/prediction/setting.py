@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.fit.discrepancy import (
@@ -24,6 +23,7 @@ from thermid.fit.discrepancy import (
     patterns_of,
     with_patterns,
 )
+from thermid.linear_algebra import Array
 from thermid.prediction.budget import Budget, Target, combined
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.scenarios.scenario import Scenario
@@ -33,8 +33,6 @@ from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Wiring
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

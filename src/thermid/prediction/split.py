@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
@@ -22,6 +21,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
 from thermid.knowledge.store import model_standing
 from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.linear_algebra import Array
 from thermid.model.parts.parameter import Standing, worst
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import FlatConductor
@@ -34,7 +34,6 @@ from thermid.physics.radiation import linearised_htc
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 
-Array = NDArray[np.float64]
 SMALLEST_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""
 CORRELATION_SD = 0.25

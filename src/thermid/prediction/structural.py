@@ -6,20 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.fit.discrepancy import ALIKE, MOST, Discrepancy, losing_gas
 from thermid.knowledge.sources import Distribution, Normal, Source, Uniform
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import symmetric_inverse
+from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, normal_sources
 from thermid.prediction.split import split_values
 from thermid.simulation.scenarios.scenario import Scenario
 
-Array = NDArray[np.float64]
 CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
 """Causes, as a reader is told them."""
 NAMES = {"difference": "exponent of", "level": "radiative share of"}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.knowledge.values import FittedValue
+from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import SecondClock
 from thermid.measure.record.sensor import SensorPart
@@ -240,8 +241,6 @@ def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[st
         made.append(replace(channel, values=readings, part=known))
     return record.with_channels(*made) if made else record
 
-
-Array = NDArray[np.float64]
 
 MEASURED = "measured"
 """`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""

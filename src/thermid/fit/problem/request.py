@@ -19,7 +19,7 @@ from thermid.fit.problem.experiment import first_reading
 from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Source, read_spread
 from thermid.knowledge.store import State, Store
-from thermid.linear_algebra import RANK_TOLERANCE, inverse_square_root
+from thermid.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.identity import definition_of, identity_of, local_identities
@@ -379,7 +379,6 @@ def digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
 
 
-Array = NDArray[np.float64]
 STIFF = (10.0 * RANK_TOLERANCE) ** 2
 """Variance of a direction, beside the largest, below which values count as known exactly against one another: ten times what a rank could
 still tell from nothing."""

@@ -14,12 +14,12 @@ from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import SolverError
 from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
 from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.simulation.solver.engine import Engine, Squares, Weighing
 from thermid.simulation.solver.problem import Options, Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
 
-Array = NDArray[np.float64]
 WHITE = 0.9
 """Share of the samples that residuals must be worth as independent ones to count as white."""
 

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError
+from thermid.linear_algebra import Array
 from thermid.model.parts.parameter import Parameter
 from thermid.units import Dimension, unit
-
-Array = NDArray[np.float64]
 
 POSITIVE = tuple(
     unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")

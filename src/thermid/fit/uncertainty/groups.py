@@ -8,14 +8,12 @@ from itertools import combinations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.fit.uncertainty.information import Information
-from thermid.linear_algebra import RANK_TOLERANCE, null_space, pseudo_inverse
+from thermid.linear_algebra import RANK_TOLERANCE, Array, null_space, pseudo_inverse
 from thermid.measure.amounts import short
 from thermid.units import NAMES, unit
 
-Array = NDArray[np.float64]
 SAME = 1e-3
 
 

@@ -18,11 +18,10 @@ from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.sources import Normal, Source
 from thermid.knowledge.store import State
 from thermid.knowledge.values import rooted
-from thermid.linear_algebra import covariance, finite, rank
+from thermid.linear_algebra import Array, covariance, finite, rank
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.solver.problem import Options
 
-Array = NDArray[np.float64]
 EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)
 """Tight enough that a direction without information shows as such and not as the integrator's error.
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, SolverError
 from thermid.fit.minimisation import Fit
@@ -18,12 +17,10 @@ from thermid.fit.uncertainty.information import Opened, covering, opened_at
 from thermid.fit.uncertainty.noise import Weighed, binned, weighed
 from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.linear_algebra import RANK_TOLERANCE, square_root, symmetric_inverse
+from thermid.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse
 from thermid.measure.amounts import digits, short, some
 from thermid.model.tree.model import Model
 from thermid.units import counted, unit
-
-Array = NDArray[np.float64]
 
 ALPHA, POWER = 0.05, 0.9
 """Chance of calling a value moved that did not, and of finding the shift that is stated as detectable."""

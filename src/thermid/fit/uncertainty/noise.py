@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Bench, Problem, loss_of
-from thermid.linear_algebra import finite, square_root
+from thermid.linear_algebra import Array, finite, square_root
 from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.tree.flat import FlatLoad
-
-Array = NDArray[np.float64]
 
 STRETCHES = 80
 """A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
