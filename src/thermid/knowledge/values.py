@@ -16,8 +16,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import VALUES, parse_toml, read_text, write_text
-from thermid.knowledge.sources import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source
-from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.store import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.replacement import Dropped

@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import State
+from thermid.knowledge.store import Normal, Source, State
 from thermid.linear_algebra import Array
 from thermid.model.parts.parameter import Standing
-from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.budget import MISFIT, Budget, budget_of
 from thermid.prediction.known import Known, Rows
 from thermid.prediction.predict import Band, Prediction, predicted
 from thermid.prediction.setting import Setting
-from thermid.prediction.structural import MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.problem import Options

@@ -12,8 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
-from thermid.knowledge.store import Store, graft, model_standing, structural_under
+from thermid.knowledge.store import KNOWN, Kind, Normal, Source, Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import Standing, worst

@@ -16,16 +16,15 @@ from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.files import TABLE, replacing
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint, constant_coefficients
-from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import LeftOut
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction.budget import CONSTANT, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
 from thermid.prediction.known import Known
 from thermid.prediction.setting import Linear, Setting
-from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.problem import Options
 

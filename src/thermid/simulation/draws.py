@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.knowledge.sources import uniforms
+from thermid.knowledge.store import uniforms
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
