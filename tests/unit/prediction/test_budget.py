@@ -16,7 +16,7 @@ from thermid.knowledge.store import LeftOut, Uniform
 from thermid.network.network import compile_network
 from thermid.prediction import budget, predict
 from thermid.prediction.budget import Budget, budget_of, first_line
-from thermid.prediction.foresight import foresee
+from thermid.prediction.predict import foresee
 from thermid.prediction.setting import Setting
 from unit.prediction.things import BENCH, CASES, HTC, plate
 

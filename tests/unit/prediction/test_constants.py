@@ -15,8 +15,7 @@ from thermid.design.next_test import doubts_without_gas
 from thermid.errors import IdentificationError
 from thermid.knowledge.store import LeftOut
 from thermid.prediction.budget import assumed_values, first_line
-from thermid.prediction.foresight import foresee
-from thermid.prediction.predict import Band, predict
+from thermid.prediction.predict import Band, foresee, predict
 
 TWO = stats.norm.ppf(0.975)
 

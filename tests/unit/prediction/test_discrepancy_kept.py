@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.knowledge.values import load_values
 from thermid.prediction.budget import MISFIT
-from thermid.prediction.foresight import IN_TESTS, widened
+from thermid.prediction.predict import IN_TESTS, widened
 from unit.qualify.things import UNIT, soak, unit
 
 
