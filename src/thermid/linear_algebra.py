@@ -12,6 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Ints = NDArray[np.int32]
 
 RANK_TOLERANCE = 1e-6
 """Singular value of scaled rows, beside the largest, up to which a direction holds no information: derivatives of a run are not good to
@@ -23,7 +26,7 @@ NOTHING = 1e-12
 rows up to which a combination has no effect. Between this and RANK_TOLERANCE rows depend on it, weakly: its error is finite and large."""
 
 
-def scaled(rows: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def scaled(rows: Array) -> tuple[Array, Array, Bools]:
     """Return rows with columns of length one, these lengths (1 of a column without entries), and which columns have entries.
 
     Rows of zeros are added below where there are fewer rows than columns, so that singular values count every unknown.
@@ -35,7 +38,7 @@ def scaled(rows: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     return np.concatenate([np.where(seen, rows / length, 0.0), below]), length, seen
 
 
-def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, Bools, Array]:
     """Return singular values and right singular vectors of the scaled rows, which directions hold nothing, and the scale."""
     unit_columns, length, _ = scaled(rows)
     _, s, v = np.linalg.svd(unit_columns, full_matrices=False)

@@ -14,15 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ThermidError
 from thermid.files import OWN, read_bytes, replacing, write_text
+from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import Origin
 from thermid.measure.record.sensor import SensorPart
 
-Array = NDArray[np.float64]
 _ARRAYS = ("values", "valid", "masks")
 _ABOUT = "about"
 

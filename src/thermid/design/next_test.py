@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.design.planned import Sensor, planned_record, sensors_of
@@ -23,7 +22,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.fit.uncertainty.groups import percent
 from thermid.knowledge.store import Normal, Source
-from thermid.linear_algebra import variance
+from thermid.linear_algebra import Array, variance
 from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import Constant, Signal, TableSignal, literal
 from thermid.model.parts.parameter import Parameter
@@ -36,7 +35,6 @@ from thermid.prediction.setting import Setting
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
-Array = NDArray[np.float64]
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
 FELT = 0.1

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, RecordError, nearest
@@ -18,6 +17,7 @@ from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.judge.metrics import Residuals
 from thermid.knowledge.store import model_standing
+from thermid.linear_algebra import Array, Bools
 from thermid.measure import Record, read_record
 from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
@@ -25,7 +25,6 @@ from thermid.measure.record.channel import gap_from, usual_step
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.sourced import weigh
 
-Array = NDArray[np.float64]
 Window = tuple[float, float]
 ENDS = 2.0
 """Usual steps by which readings may begin after a settled stretch does, or end before it. [-]"""
@@ -97,7 +96,7 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
     return tuple(out)
 
 
-def _refuse_blank(name: str, times: Array, rows: Array, valid: NDArray[np.bool_]) -> None:
+def _refuse_blank(name: str, times: Array, rows: Array, valid: Bools) -> None:
     """Refuse readings (times,) at times at which the simulated column (rows,) has no number: nothing can be compared with them.
 
     Blank rows between two numbers are passed over where these are no further apart than samples of a log without gaps.
@@ -304,11 +303,11 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
     return Deviation(case, o.sensor, kind, residuals, *means, o.accuracy, weight, reason)
 
 
-def _inside(o: Overlay, window: Window) -> NDArray[np.bool_]:
+def _inside(o: Overlay, window: Window) -> Bools:
     return np.asarray((o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9))
 
 
-def _refuse_partly_read(o: Overlay, window: Window, seen: NDArray[np.float64]) -> None:
+def _refuse_partly_read(o: Overlay, window: Window, seen: Array) -> None:
     """Refuse a settled stretch for whose first or last part a sensor has no readings: what is not read does not agree."""
     slack = ENDS * (usual_step(o.times) if o.times.size > 1 else 0.0) + 1e-9
     if seen[0] > window[0] + slack or seen[-1] < window[1] - slack:

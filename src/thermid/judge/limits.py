@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.linear_algebra import Array, Bools
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution, Trace
@@ -21,8 +21,6 @@ from thermid.sourced import check_mark
 from thermid.toml_files import read_toml
 from thermid.units import TEMPERATURE
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Ends = tuple[float, float]
 STATES = {"operating": "operating", "non-operating": "non_operating", "start-up": "start_up"}
 """State of a unit -> the limit that holds in it."""

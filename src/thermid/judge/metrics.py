@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, nearest
+from thermid.linear_algebra import Array
 
-Array = NDArray[np.float64]
 FINAL = 0.05
 """Share of a record, at its end, over which the final error is the mean, so that noise does not decide it. [-]"""
 

@@ -13,10 +13,10 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
 from thermid.files import OWN, replacing, sweep
+from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.prediction.budget import Budget
 from thermid.prediction.setting import Setting
@@ -24,7 +24,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.simulation.solver.problem import Options
 
-Array = NDArray[np.float64]
 PARTS = ("members", "times", "kelvin")
 PATIENCE = "20s"
 """How long a cluster may take to answer."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.linear_algebra import Array
 from thermid.monte_carlo.chunks import Job, MissingPackageError, run_members_of
 
-Array = NDArray[np.float64]
 FEWEST = 30
 """Members per input below which shares are not told apart from chance. [-]"""
 

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.errors import DeckError, ScenarioError, nearest
 from thermid.knowledge.store import LeftOut
 from thermid.knowledge.values import FittedValues
+from thermid.linear_algebra import Array
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import UNJUDGED, Standing
@@ -32,7 +32,6 @@ from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
 from thermid.units import TEMPERATURE
 
-Array = NDArray[np.float64]
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
 SIDES = {"highest": 1.0, "lowest": -1.0}

@@ -16,6 +16,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.store import Choice, LeftOut, Source, model_standing
 from thermid.knowledge.values import FittedValues
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing
 from thermid.model.tree.model import Model
@@ -124,7 +125,6 @@ def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
     return budget.beside([source], chosen)
 
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 

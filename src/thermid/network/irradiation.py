@@ -8,17 +8,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Mixed, Signal, added, signal
 from thermid.model.parts.facing import Facing
 from thermid.model.tree.flat import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import TEMPERATURE
 
-Array = NDArray[np.float64]
 Given = Mapping[str, Signal]
 
 HOTTEST = 5e4

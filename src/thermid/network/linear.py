@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, SolverError
+from thermid.linear_algebra import Array
 from thermid.network.network import Network, Numbers
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,10 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.dual import Number, value_of
 from thermid.errors import ScenarioError, quoted
+from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Mixed, Signal, Sine, TableSignal
@@ -30,9 +30,6 @@ from thermid.physics.correlations import forced_plate_nusselt, signed_nusselt
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
 from thermid.physics.plates import THINNEST
 from thermid.physics.radiation import radiation_coefficient
-
-Array = NDArray[np.float64]
-
 
 PARTS = 40
 """Samples put into each stretch of a pressure, equally spaced in its root. [-]"""

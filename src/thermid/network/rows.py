@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import Number
+from thermid.linear_algebra import Array
 from thermid.model.laws.curves import FAR, Curve, whole
-
-Array = NDArray[np.float64]
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""

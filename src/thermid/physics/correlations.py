@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError, nearest
+from thermid.linear_algebra import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
     SHAPE,
@@ -26,7 +26,6 @@ from thermid.physics.plates import (
     vertical_plate_nusselt_all,
 )
 
-Array = NDArray[np.float64]
 Orientation = Literal["vertical", "up", "down"]
 ORIENTATIONS: Final = ("vertical", "up", "down")
 BLEND: Final = 8

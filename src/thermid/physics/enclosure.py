@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, value_of
 from thermid.errors import DeckError
-
-Array = NDArray[np.float64]
+from thermid.linear_algebra import Array
 
 RECIPROCITY = 1e-3
 """Largest relative difference of A_i F_ij and A_j F_ji, and of a row's sum from one; given factors have three or four digits. [-]"""

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thermid.linear_algebra import Array
 
 
 def facing_plates(length: float, width: float, distance: float) -> float:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, ThermidError
 from thermid.fit.problem.residuals import SensorTrace
+from thermid.linear_algebra import Array, Bools
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import literal
 from thermid.model.parts.elements import HeatLoad
@@ -19,7 +19,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
-Array = NDArray[np.float64]
 STARTS = 12
 TURN = 0.05
 """Half the width of the rounded turn of a V. [K]"""
@@ -53,7 +52,7 @@ class PowerHistory:
     power: Array
     covariance: Array
     temperature: Array
-    known: NDArray[np.bool_]
+    known: Bools
     resolution: float
     prior: str
     values: Mapping[str, tuple[float, float, str]]

@@ -15,6 +15,7 @@ from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.model.laws.signal import Constant, TableSignal, literal
 from thermid.model.parts.elements import HeatLoad
@@ -25,7 +26,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit
 
-Array = NDArray[np.float64]
 PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120
 WIDE = 30.0

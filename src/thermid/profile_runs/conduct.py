@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, SolverError, nearest
 from thermid.extensions import extension
+from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text
 from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.memo import Memo
@@ -35,7 +36,6 @@ from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.wiring import Assembled, Wiring
 from thermid.simulation.transient import simulate
 
-Array = NDArray[np.float64]
 TAIL = 1e6
 """Time for which the conditions at the end of a course can be held. [s]"""
 SHORT: Final = 60.0

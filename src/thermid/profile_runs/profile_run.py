@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
 from thermid.profiles.profile import ThermalProfile
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution, Trace
-
-Array = NDArray[np.float64]
 
 
 class WetSurface(Protocol):

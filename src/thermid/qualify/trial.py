@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
 from thermid.explain.diagnosis import Diagnosis, diagnose
@@ -17,6 +16,7 @@ from thermid.judge.correlation import Correlation, Exclusions, Overlay, correlat
 from thermid.judge.limits import LimitCheck, Limits, check_limits, check_readings
 from thermid.judge.margins import HeaterDuty, heater_duty
 from thermid.judge.verdict import compare
+from thermid.linear_algebra import Array
 from thermid.measure import Record, read_record
 from thermid.measure.amounts import duration_text
 from thermid.measure.record.steadiness import rule_of
@@ -41,7 +41,6 @@ from thermid.units import TEMPERATURE
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import TestTable, ValidityTable
 
-Array = NDArray[np.float64]
 Window = tuple[float, float]
 STORED = 6000
 """At most so many stored times of a run: two minutes over eight days."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import literal
 from thermid.model.parts.elements import LOAD_SLOTS
@@ -30,8 +30,6 @@ from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
-
-Array = NDArray[np.float64]
 
 SAMPLES = 201
 """Samples of a run by which reductions are compared."""

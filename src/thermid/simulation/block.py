@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, ScenarioError, SolverError, nearest
+from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
 from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
@@ -25,8 +25,6 @@ from thermid.simulation.solver.problem import Options, break_times
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
 
 

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
 from thermid.knowledge.store import uniforms
+from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
-
-Array = NDArray[np.float64]
 
 
 @takes_objects

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, real_power
 from thermid.errors import ScenarioError, SolverError, ThermidError
+from thermid.linear_algebra import Array, Bools, Indices
 from thermid.model.laws.signal import Constant
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
@@ -24,8 +25,6 @@ from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import MemberTurnings, signal_turnings
 from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Assembled, Wiring
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,12 +214,12 @@ CHUNK = 64_000_000
 class _ApartError(Exception):
     """A check holds for some members only: those of the mask (members,)."""
 
-    def __init__(self, mask: NDArray[np.bool_]) -> None:
+    def __init__(self, mask: Bools) -> None:
         super().__init__("members differ")
         self.mask = mask
 
 
-def _all_alike(mask: NDArray[np.bool_]) -> bool:
+def _all_alike(mask: Bools) -> bool:
     """Return what a check says of all members.
 
     Raises
@@ -407,7 +406,7 @@ class _Collector:
     offsets: dict[str, Array]
     refused: dict[int, str]
 
-    def fill(self, share: NDArray[np.intp]) -> None:
+    def fill(self, share: Indices) -> None:
         """Assemble a share of the members together, or apart where they differ."""
         if share.size == 1 or self.wiring.schedule is not None:
             for member in share.tolist():
@@ -429,7 +428,7 @@ class _Collector:
         except ThermidError as error:
             self.refused[member] = str(error)
 
-    def _store(self, a: Assembled, share: NDArray[np.intp]) -> None:
+    def _store(self, a: Assembled, share: Indices) -> None:
         for row, number in zip(self.coefficients, a.coefficients, strict=True):
             row[share] = _plain(number)
         for row, number in zip(self.initial, a.initial, strict=True):

@@ -9,13 +9,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Distribution
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
@@ -30,7 +30,6 @@ from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.wiring import Wiring
 from thermid.units import TEMPERATURE
 
-Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 301
 MOST_SAMPLES = 10_000_000
 

@@ -9,11 +9,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.dual import Number, value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
+from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import evaluate
 from thermid.model.laws.signal import literal
@@ -28,7 +28,6 @@ from thermid.simulation.solver.wiring import Assembled, Wiring
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 JUST_BEFORE = 1e-6
 """How long before a switching a course is looked at: at the switching, powers are those after it. [s]"""
 

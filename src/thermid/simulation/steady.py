@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
@@ -23,7 +22,6 @@ from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.transient import simulate
 
-Array = NDArray[np.float64]
 PERIOD_SAMPLES = 2001
 """Samples of a period that its means are taken over."""
 MOST_LEVELS = 50

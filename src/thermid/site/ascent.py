@@ -9,10 +9,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError, nearest
+from thermid.linear_algebra import Array
 from thermid.measure import read_plain
 from thermid.model.laws.signal import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.network.environment import Environment
@@ -21,8 +21,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.site.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating
 from thermid.units import TEMPERATURE
-
-Array = NDArray[np.float64]
 
 SPACE = 2.725
 """Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""

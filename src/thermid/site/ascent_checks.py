@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Signal
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced import Figure
-
-Array = NDArray[np.float64]
 
 _GUIDE = "SpaceX Rideshare Payload User's Guide, October 2022"
 ASCENT_LIMITS: Mapping[str, Figure] = {

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
-
-Array = NDArray[np.float64]
 
 HIGHEST_ALTITUDE = 86e3
 """Above it the standard's air is no longer mixed, and depends on the sun's activity. [m]"""

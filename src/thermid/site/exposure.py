@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
-
-Array = NDArray[np.float64]
+from thermid.linear_algebra import Array
 
 SOLAR_CONSTANT = 1361.0
 """Total irradiance at one astronomical unit: Kopp and Lean, Geophys. Res. Lett. 38 (2011) L01706, 1360.8 +- 0.5. [W/m^2]"""

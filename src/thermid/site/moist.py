@@ -9,12 +9,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermid.linear_algebra import Array
 from thermid.physics.air import GAS_CONSTANT, Gas, air_conductivity, air_specific_heat, air_viscosity
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-
-Array = NDArray[np.float64]
 
 VAPOUR_CONSTANT: Final = 461.523
 """Specific gas constant of water vapour: 8.31446262 J/(mol K) over 18.015268 g/mol. [J/(kg K)]"""

@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, signal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
@@ -23,8 +23,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
-
-Array = NDArray[np.float64]
 
 SETTLED: Final = 1e-3
 """Change of every temperature between passes below which the latent heat is in balance with them. [K]"""

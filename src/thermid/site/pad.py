@@ -9,10 +9,10 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, TableSignal, literal, signal
 from thermid.model.parts.facing import Facing, degrees
 from thermid.network.environment import Environment
@@ -26,8 +26,6 @@ from thermid.site.site import Site
 from thermid.site.sky import open_sky
 from thermid.site.weather import Weather
 from thermid.units import TEMPERATURE
-
-Array = NDArray[np.float64]
 
 WIND = ("length", "calm", "rain")
 """What a coefficient in wind is given by."""

@@ -11,17 +11,15 @@ from datetime import timezone as Zone  # noqa: N812
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, ThermidError
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import literal
 from thermid.model.parts.facing import degrees
 from thermid.site.atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:
     import pandas
-
-Array = NDArray[np.float64]
 
 
 class SunPath(NamedTuple):

@@ -8,9 +8,9 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Mixed, Signal, TableSignal
 from thermid.model.parts.facing import Facing
 from thermid.network.irradiation import Sky
@@ -18,8 +18,6 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.site.exposure import on_plane, sky_share
 from thermid.site.site import Site, quiet
 from thermid.site.weather import Weather
-
-Array = NDArray[np.float64]
 
 STEP = 600.0
 """Interval at which the sun's path is worked out: it moves by 2.5 degrees. [s]"""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import value_of
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array, Bools
 from thermid.model.laws.signal import Signal, literal
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import FlatConductor
@@ -32,8 +33,6 @@ from thermid.site.moist import (
     vapour_density,
     vapour_pressure,
 )
-
-Array = NDArray[np.float64]
 
 CLOSED: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
@@ -250,7 +249,7 @@ def _rates(times: Array, film: Array, mean: Array) -> Array:
     return np.asarray(2.0 * np.diff(beside, axis=1) / np.concatenate(([dt[0]], dt[1:] + dt[:-1], [dt[-1]])))
 
 
-def _open(times: Array, held: Array, s: _Surfaces, which: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+def _open(times: Array, held: Array, s: _Surfaces, which: Bools) -> tuple[Array, Array, Array]:
     """Return films, their means over each interval, and what settled and dried, beside gases of known humidity. [kg/m^2]
 
     A film that never falls below nothing is the sum of what came, less the lowest that this sum would have reached below nothing. Speed
@@ -380,7 +379,7 @@ class _Interval:
         s, at = self.system, np.array([share])
         return np.asarray(self._at(s.speed, at)[:, 0] * (state.vapour[s.at] - self._at(s.wall, at)[:, 0]))
 
-    def step(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_]) -> _Water:
+    def step(self, state: _Water, share: float, width: float, wet: Bools) -> _Water:
         """Return the state after a step of a share of the interval, with these walls wet."""
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
@@ -423,7 +422,7 @@ class _Interval:
             width *= min(5.0, 0.9 * max(error, 1e-8) ** (-1.0 / 6.0)) if not crossed.any() else 1.0
             width = max(width, LEAST)
 
-    def _doubled(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_]) -> tuple[_Water, _Water, float]:
+    def _doubled(self, state: _Water, share: float, width: float, wet: Bools) -> tuple[_Water, _Water, float]:
         """Return the state after two half steps, that between them, and their distance from one step over what is allowed."""
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
@@ -435,19 +434,19 @@ class _Interval:
         ]
         return after, middle, float(np.concatenate(off).max(initial=0.0))
 
-    def _guards(self, state: _Water, share: float, wet: NDArray[np.bool_]) -> Array:
+    def _guards(self, state: _Water, share: float, wet: Bools) -> Array:
         """Return what stays above zero while the same walls are wet: their films, and of dry ones what they would lose. (surfaces,)"""
         return np.where(wet, state.film / self.scale, -self.gain(state, share) / self.scale)
 
-    def _crossed(self, state: _Water, share: float, wet: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _crossed(self, state: _Water, share: float, wet: Bools) -> Bools:
         return np.asarray(self._guards(state, share, wet) < -NOTHING)
 
-    def _turned(self, state: _Water, share: float, wet: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _turned(self, state: _Water, share: float, wet: Bools) -> Bools:
         """Return which walls have just dried or just passed the dew point."""
         gain = self.gain(state, share)
         return np.asarray(np.where(wet, (state.film <= NOTHING * self.scale) & (gain < 0.0), gain > -NOTHING * self.scale))
 
-    def _until(self, state: _Water, share: float, width: float, wet: NDArray[np.bool_], middle: _Water) -> float:
+    def _until(self, state: _Water, share: float, width: float, wet: Bools, middle: _Water) -> float:
         """Return the share at whose end the first wall dries or passes the dew point, by bisection and the secant."""
         from scipy.optimize import brentq
 
@@ -497,7 +496,7 @@ def _balance(
     held: Array,
     film: Array,
     moved: Array,
-    outdoors: NDArray[np.bool_],
+    outdoors: Bools,
     exchanged: Array,
     area: Array,
 ) -> WaterBalance:

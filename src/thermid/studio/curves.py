@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thermid.linear_algebra import Array
+
 Window = tuple[float, float] | None
 POINTS = 1200
 """Points of a curve that are sent to a page: more than a screen has columns for it."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import attached, corrected
 from thermid.fit.problem.residuals import Bench, Problem
 from thermid.fit.problem.unknowns import Unknown
+from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Entry, parameter_table
 from thermid.network.network import compile_network
@@ -26,7 +26,6 @@ from thermid.simulation.solution import Solution
 from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned
 from thermid.units import unit
 
-Array = NDArray[np.float64]
 ICE = 273.15
 
 

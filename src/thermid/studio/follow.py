@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError
+from thermid.linear_algebra import Array, Bools
 from thermid.measure.readers.formats import is_bench_log
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.channel import Channel
@@ -24,7 +24,6 @@ from thermid.studio.answers import window_of
 from thermid.studio.curves import Window, thinned
 from thermid.toml_files import project_root, resolve_inside
 
-Array = NDArray[np.float64]
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200
 BUDGET = 1.5
@@ -237,7 +236,7 @@ def _channel(channel: Channel, times: Array, window: Window) -> dict[str, Any]:
     }
 
 
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(mask: Bools) -> list[tuple[int, int]]:
     """Return first and last place of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

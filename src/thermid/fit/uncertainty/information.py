@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import SolverError
 from thermid.fit.minimisation import Fit, ended
@@ -17,7 +16,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.store import Normal, Source, State
 from thermid.knowledge.values import rooted
-from thermid.linear_algebra import Array, covariance, finite, rank
+from thermid.linear_algebra import Array, Bools, covariance, finite, rank
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.solver.problem import Options
 
@@ -235,7 +234,7 @@ class Responses:
     rows: Array
     sources: tuple[Source, ...]
     noise: Array
-    unlimited: NDArray[np.bool_]
+    unlimited: Bools
 
     @property
     def total(self) -> Array:

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment
 from thermid.fit.problem.residuals import Bench, Problem, loss_of
-from thermid.linear_algebra import Array, finite, square_root
+from thermid.linear_algebra import Array, Indices, finite, square_root
 from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.tree.flat import FlatLoad
 
@@ -244,12 +243,12 @@ def autocorrelation_of_traces(pieces: Mapping[tuple[str, str], Binned], found: F
     return Autocorrelation(tuple(traces), variance_factor, score_excess)
 
 
-def stretch_means(values: Array, place: NDArray[np.intp], size: int) -> Array:
+def stretch_means(values: Array, place: Indices, size: int) -> Array:
     """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
     return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
 
 
-def binned_trace(z: Array, weighed: Array, place: NDArray[np.intp], centres: Array, slopes: Array, effective_share: float) -> Binned:
+def binned_trace(z: Array, weighed: Array, place: Indices, centres: Array, slopes: Array, effective_share: float) -> Binned:
     """Return a trace in the stretches that hold samples.
 
     Parameters
@@ -420,7 +419,7 @@ class _TraceBasis:
     shrunk: Array
     residuals: Array
     slopes: Array
-    acting: NDArray[np.intp]
+    acting: Indices
 
     @classmethod
     def of(cls, b: Binned, scale: Array) -> _TraceBasis:
@@ -437,7 +436,7 @@ class _TraceBasis:
 class _Grid:
     """Probability (nodes, sizes) of the noise of a trace at some nodes (time and ratio in one), and the white variances there."""
 
-    nodes: NDArray[np.intp]
+    nodes: Indices
     chance: Array
     variances: Array
 
@@ -549,7 +548,7 @@ def _add(t: _TraceBasis, information: Array, scores: Array, more: Array, pushed:
     scores[..., t.acting] += pushed
 
 
-def _sums(t: _TraceBasis, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, Array]:
+def _sums(t: _TraceBasis, grid: _Grid, flat: Indices) -> tuple[Array, Array]:
     """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
     of_node, of_size = np.divmod(flat, SIZES)
     used, place = np.unique(of_node, return_inverse=True)
@@ -563,7 +562,7 @@ def _sums(t: _TraceBasis, grid: _Grid, flat: NDArray[np.intp]) -> tuple[Array, A
     return np.array(information)[place] / size[:, None, None], np.array(scores)[place] / size[:, None]
 
 
-def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: NDArray[np.intp]) -> _Grid:
+def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Grid:
     """Return the probability of the noise of a trace at some nodes.
 
     `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.

@@ -9,15 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.linear_algebra import Array, Ints
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Signal, literal, signal
 from thermid.model.tree.model import Model
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")
 MOST_CELLS: Final = 20_000

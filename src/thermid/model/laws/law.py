@@ -6,14 +6,12 @@ from collections.abc import Callable
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError, nearest
+from thermid.linear_algebra import Array, Indices
 from thermid.model.laws.curves import Curve, hermite
 from thermid.model.laws.options import Source
 from thermid.model.laws.signal import literal
-
-Array = NDArray[np.float64]
 
 FINEST: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
@@ -140,12 +138,12 @@ def _refined(asked: _Asked, x: Array, tolerance: float) -> tuple[Array, Array, A
         x, y, d = (np.insert(a, halve + 1, b) for a, b in ((x, new), (y, more[0]), (d, more[1])))
 
 
-def _interval(x: Array, at: Array) -> NDArray[np.intp]:
+def _interval(x: Array, at: Array) -> Indices:
     """Return the index of the interval that each place lies in."""
     return np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
 
 
-def _refuse_jumps(asked: _Asked, x: Array, sharp: NDArray[np.intp], largest: float) -> None:
+def _refuse_jumps(asked: _Asked, x: Array, sharp: Indices, largest: float) -> None:
     """Refuse a function that jumps: its change across a finest interval does not shrink as that is halved on."""
     for k in sharp.tolist():
         ends = np.array([x[k], x[k + 1]])

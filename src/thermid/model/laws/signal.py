@@ -12,14 +12,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ScenarioError, ThermidError
 from thermid.expression import parse
+from thermid.linear_algebra import Array
 from thermid.units import require
 from thermid.units import unit as read_unit
 
-Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 AFTER = ("hold", "repeat")

@@ -11,12 +11,10 @@ from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import DeckError
+from thermid.linear_algebra import Array
 from thermid.model.laws.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
-
-Array = NDArray[np.float64]
 
 TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}
 """Fields that may be a table over temperature, with the unit of their values."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.dual import Number, gradient_of, value_of
 from thermid.errors import DeckError
+from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.parts.elements import Enclosure, Surface
 from thermid.model.parts.kinds import Law
@@ -18,8 +18,6 @@ from thermid.model.parts.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.enclosure import exchange_areas_of, factor_faults
 from thermid.physics.view_factors import SHAPES
-
-Array = NDArray[np.float64]
 
 SAME_AREA: Final = 0.01
 """Largest relative difference of a surface's area and that of the face of a shape which it fills. [-]"""

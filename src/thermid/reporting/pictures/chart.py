@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thermid.linear_algebra import Array
 
 GRID = 10_000
 """Steps of the grid of a panel, each way."""

@@ -8,9 +8,9 @@ from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.fit.problem.residuals import SensorTrace
+from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.sections import Graphic, LegendEntry
 from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
@@ -18,8 +18,6 @@ from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ti
 if TYPE_CHECKING:
     from thermid.simulation.solution import Solution
 
-
-Array = NDArray[np.float64]
 
 INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
 SERIES = ("#0072b2", "#c25200", "#00805e", "#b0568c", "#7a5c00", "#2a7fb0", "#7b4fa3", "#222e3c")

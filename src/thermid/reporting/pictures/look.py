@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import ThermidError
+from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text
 from thermid.measure.readers.columns import decimal_sign
 from thermid.measure.readers.formats import log_cells
@@ -24,8 +24,6 @@ from thermid.measure.record.channel import even_step, gap_from, usual_step
 from thermid.reporting.pictures.chart import Panel, Stroke, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
 from thermid.units import counted, unit
-
-Array = NDArray[np.float64]
 
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")

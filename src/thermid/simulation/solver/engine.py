@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Sine, TableSignal
 from thermid.network.network import held_in
 from thermid.simulation.solver.extremes import by_column
@@ -20,8 +21,6 @@ from thermid.simulation.solver.large_model import integrate_model, refusal
 from thermid.simulation.solver.problem import Answer, KernelProblem, Options, ints
 from thermid.simulation.solver.settling import beginning
 from thermid.simulation.solver.wiring import Assembled, Wiring
-
-Array = NDArray[np.float64]
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
 

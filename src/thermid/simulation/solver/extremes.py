@@ -10,10 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Drawn
 from thermid.physics.constants import ICE_POINT
 
-Array = NDArray[np.float64]
 PIECES = 16
 """Into how many an interval is divided in which a course passes a level."""
 ROUNDS = 4

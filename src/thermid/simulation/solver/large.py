@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.errors import SolverError
+from thermid.linear_algebra import Array, Ints
 from thermid.simulation.solver.extremes import Turnings, by_column
 from thermid.simulation.solver.problem import MAY_HAVE_LEFT, UNSOLVED, Options, limits, runs_away, unsolved
 from thermid.simulation.solver.sparse import SparseNetwork
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 METHODS: Final[Mapping[str, int]] = {
     "auto": _kernel.LARGE_AUTO,

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.linear_algebra import Array
 from thermid.simulation.solver.large import Watched, integrate
 from thermid.simulation.solver.large_steady import settle_large
 from thermid.simulation.solver.problem import NEAR, Answer, KernelProblem, Options
 from thermid.simulation.solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 from thermid.simulation.solver.wiring import Assembled, PlacedConductor
-
-Array = NDArray[np.float64]
 
 
 def refusal(problem: KernelProblem) -> str:

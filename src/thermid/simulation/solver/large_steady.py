@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import SolverError
+from thermid.linear_algebra import Array, Indices
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solver.problem import unsettled
 from thermid.simulation.solver.sparse import NONE, SparseNetwork
 
-Array = NDArray[np.float64]
 MOST_NEWTON = 60
 LARGEST_MOVE = 100.0
 LOOSE: Final = 1e-2
@@ -103,7 +102,7 @@ class _Matrix:
         return found
 
 
-def _diagonal_places(matrix: Any) -> NDArray[np.intp]:
+def _diagonal_places(matrix: Any) -> Indices:
     """Return the places of the diagonal among the stored values of a CSR matrix whose diagonal is full."""
     rows = np.repeat(np.arange(matrix.shape[0], dtype=np.int32), np.diff(matrix.indptr))
     return np.flatnonzero(matrix.indices == rows)

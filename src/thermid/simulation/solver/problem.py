@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import gradient_of, value_of
+from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve, evaluate, value_and_slope
 from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, TableSignal
@@ -19,8 +20,6 @@ from thermid.network.network import Network, Numbers, held_in
 from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
 from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.wiring import Assembled, PlacedConductor, PlacedLoad, Wiring
-
-Array = NDArray[np.float64]
 
 
 def kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:

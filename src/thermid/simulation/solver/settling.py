@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import SolverError
+from thermid.linear_algebra import Array
 from thermid.network.network import unreached
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import MEAN, STEADY
@@ -17,7 +18,6 @@ from thermid.simulation.solver.large_model import settle_model
 from thermid.simulation.solver.problem import Answer, KernelProblem, Options, unsettled
 from thermid.simulation.solver.wiring import Assembled
 
-Array = NDArray[np.float64]
 MOST_ITERATIONS = 200
 DIRECT = 40
 """Steps of Newton's method before its search is taken for stuck at the knee of a table."""

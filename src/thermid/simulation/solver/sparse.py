@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
+from thermid.linear_algebra import Array, Ints
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn
@@ -17,8 +18,6 @@ from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, t
 from thermid.simulation.solver.extremes import Turnings, signal_turnings
 from thermid.simulation.solver.problem import kernel_input
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int32]
 NONE = -1
 
 

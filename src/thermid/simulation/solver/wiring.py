@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
 from thermid.errors import DeckError, ScenarioError, nearest
+from thermid.linear_algebra import Array
 from thermid.model.laws.signal import (
     Constant,
     Drawn,
@@ -33,7 +34,6 @@ from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
 from thermid.units import TEMPERATURE, require
 
-Array = NDArray[np.float64]
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 Row = TypeVar("Row", ConductorRow, LoadRow)
 
