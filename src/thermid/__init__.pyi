@@ -36,9 +36,9 @@ from thermid.inference.posterior import Posterior as Posterior
 from thermid.inference.posterior import evidence as evidence
 from thermid.inference.posterior import posterior as posterior
 from thermid.inference.profile import Profile as Profile
+from thermid.inference.profile import Valley as Valley
 from thermid.inference.profile import profile as profile
-from thermid.inference.valley import Valley as Valley
-from thermid.inference.valley import valley as valley
+from thermid.inference.profile import valley as valley
 from thermid.interop.equations import Equations as Equations
 from thermid.interop.equations import equations as equations
 from thermid.interop.initfcn import InitFcn as InitFcn
@@ -95,10 +95,10 @@ from thermid.power.history import PowerHistory as PowerHistory
 from thermid.power.history import PowerLaw as PowerLaw
 from thermid.power.inverse import power_history as power_history
 from thermid.prediction.budget import Spread as Spread
-from thermid.prediction.foresight import Foresight as Foresight
-from thermid.prediction.foresight import foresee as foresee
 from thermid.prediction.known import Known as Known
+from thermid.prediction.predict import Foresight as Foresight
 from thermid.prediction.predict import Prediction as Prediction
+from thermid.prediction.predict import foresee as foresee
 from thermid.prediction.predict import predict as predict
 from thermid.prediction.split import Split as Split
 from thermid.prediction.split import split as split

@@ -257,6 +257,12 @@ def to_si(value: Fraction, of: Unit) -> float:
     return float(value * of.factor + of.offset)
 
 
+def from_si(value: float, text: str) -> float:
+    """Return an SI number in a unit for people."""
+    of = unit(text)
+    return (value - float(of.offset)) / float(of.factor)
+
+
 def counted(number: int, noun: str) -> str:
     """Return a number of things in words.
 

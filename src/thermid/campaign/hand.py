@@ -14,8 +14,8 @@ import numpy as np
 
 from thermid.errors import DeckError, ThermidError
 from thermid.fit.problem.unknowns import parameter_unknown
-from thermid.knowledge.sources import LeftOut, LogNormal, Normal, Source, Uniform, read_spread
-from thermid.knowledge.store import State, Store, ValueOrigin, graft
+from thermid.knowledge.spreads import read_spread
+from thermid.knowledge.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
 from thermid.knowledge.values import FittedValues, load_store, read_values, values_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model

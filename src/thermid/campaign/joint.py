@@ -22,8 +22,7 @@ from thermid.fit.problem.request import Request, is_glob, matching
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown
 from thermid.fit.uncertainty.moved import Moves, moves_from, part_of
-from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.store import Store, graft
+from thermid.knowledge.store import LeftOut, Store, graft
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.model.tree.identity import definition_of, instances
 from thermid.model.tree.model import Model

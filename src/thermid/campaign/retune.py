@@ -22,8 +22,7 @@ from thermid.errors import DeckError, IdentificationError, MissingDataError, Sol
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request, key_of
-from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import State, Store, ValueOrigin, graft
+from thermid.knowledge.store import Normal, Source, State, Store, ValueOrigin, graft
 from thermid.knowledge.values import view
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import Constant

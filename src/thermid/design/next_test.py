@@ -21,7 +21,7 @@ from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.fit.uncertainty.groups import percent
-from thermid.knowledge.sources import Normal, Source
+from thermid.knowledge.store import Normal, Source
 from thermid.linear_algebra import Array, variance
 from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import Constant, Signal, TableSignal, literal
@@ -29,10 +29,9 @@ from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.finishes import finish
-from thermid.prediction.budget import Budget, budget_of
+from thermid.prediction.budget import CONSTANT, MISFIT, Budget, budget_of
 from thermid.prediction.known import Known, Rows, instruments_of, rows_of
 from thermid.prediction.setting import Setting
-from thermid.prediction.structural import CONSTANT, MISFIT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 

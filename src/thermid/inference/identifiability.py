@@ -28,7 +28,7 @@ from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.units import counted, unit
+from thermid.units import counted, from_si
 
 KNOWN = 0.05
 """A prior that is easily had: 5 %."""
@@ -185,9 +185,7 @@ class KnownParameter:
 
     def __str__(self) -> str:
         """Value, error, and what limits it."""
-        of = unit(self.unit)
-        shown = (self.value - float(of.offset)) / float(of.factor)
-        text = f"{self.name} = {shown:.5g} {self.unit} +- {percent(self.relative)}"
+        text = f"{self.name} = {from_si(self.value, self.unit):.5g} {self.unit} +- {percent(self.relative)}"
         return f"{text}, most of it from {cause(self.limit)} (were that known: {percent(self.without)})" if self.limit else text
 
 

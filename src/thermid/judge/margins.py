@@ -16,7 +16,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.judge.limits import Limits, times_in_state
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.foresight import Foresight
+from thermid.prediction.predict import Foresight
 from thermid.sourced import Figure, weakest
 
 SMC = "SMC-S-016"

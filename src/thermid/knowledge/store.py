@@ -1,23 +1,276 @@
-"""`Store`: everything known of the values of one model, at every depth: value, origin, and response to named sources of error."""
+"""`Store`: everything known of the values of one model, at every depth: value, origin, and response to named sources of error.
+
+A source is a named cause of uncertainty with its probability distribution.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.expression import parse
-from thermid.knowledge.sources import KNOWN, Kind, LeftOut, Source
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.identity import depth, inside
 from thermid.model.tree.model import Model
 from thermid.model.tree.replacement import Dropped
 from thermid.model.tree.tree import Entry, deck_text, parameter_table
+
+Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
+KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")
+"""Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
+
+
+class Distribution(Protocol):
+    """Probability distribution of one number, by its quantiles."""
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+
+    def at(self, share: Array) -> Array:
+        """Return the values below which shares (members,) of all lie."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal distribution; the standard one by default."""
+
+    mean: float = 0.0
+    sd: float = 1.0
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return self.sd**2
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.mean + self.sd * ndtri(share))
+
+    def below(self, value: float) -> float:
+        """Return the probability of less than a value. [-]"""
+        from scipy.special import ndtr
+
+        return float(ndtr((value - self.mean) / self.sd)) if self.sd > 0.0 else float(value > self.mean)
+
+    def moments(self, low: float, high: float) -> tuple[float, float]:
+        """Return mean and mean square between two ends, weighted by the law and not divided by its share there."""
+        a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
+        share = self.below(high) - self.below(low)
+        # integrals of z and z^2 with the normal density: -density and share - z density, between the ends
+        first = _density(a) - _density(b)
+        second = share + _times_density(a) - _times_density(b)
+        return self.mean * share + self.sd * first, self.mean**2 * share + 2.0 * self.mean * self.sd * first + self.sd**2 * second
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """Log-normal distribution."""
+
+    median: float
+    log_sd: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return float(self.median * np.exp(0.5 * self.log_sd**2))
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return float(self.mean**2 * np.expm1(self.log_sd**2))
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.median * np.exp(self.log_sd * ndtri(share)))
+
+    def below(self, value: float) -> float:
+        """Return the probability of less than a value. [-]"""
+        return 0.0 if value <= 0.0 else Normal(0.0, self.log_sd).below(float(np.log(value / self.median)))
+
+    def moments(self, low: float, high: float) -> tuple[float, float]:
+        """Return mean and mean square between two ends, weighted by the law and not divided by its share there."""
+        ends = [-np.inf if x <= 0.0 else float(np.log(x / self.median)) for x in (low, high)]
+        out = []
+        for k in (1, 2):
+            # exp(k z) times a normal density is that density about k log_sd^2, times exp(k^2 log_sd^2 / 2)
+            below, above = (Normal(k * self.log_sd**2, self.log_sd).below(x) for x in ends)
+            out.append(float(self.median**k * np.exp(0.5 * (k * self.log_sd) ** 2) * (above - below)))
+        return out[0], out[1]
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform distribution between two ends."""
+
+    low: float
+    high: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return (self.high - self.low) ** 2 / 12.0
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several things, all as likely, by its number."""
+
+    count: int
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return 0.5 * (self.count - 1)
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return (self.count**2 - 1) / 12.0
+
+    def at(self, share: Array) -> Array:
+        """Return the numbers (members,) of shares (members,)."""
+        return np.minimum(np.floor(share * self.count), self.count - 1.0)
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Truncated distribution: a law without what lies beyond two ends, the bounds of a deck."""
+
+    law: Normal | LogNormal
+    low: float
+    high: float
+
+    @property
+    def share(self) -> float:
+        """Probability between the ends. [-]"""
+        below, above = self._ends
+        return above - below
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return self.law.below(self.low), self.law.below(self.high)
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return self.law.moments(self.low, self.high)[0] / self.share
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        first, second = (m / self.share for m in self.law.moments(self.low, self.high))
+        return max(second - first**2, 0.0)
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        below, above = self._ends
+        return np.clip(self.law.at(below + share * (above - below)), self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """A law moved by a number: of a deviation in place of a value."""
+
+    law: Distribution
+    by: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return self.law.mean + self.by
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return self.law.variance
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        return self.law.at(share) + self.by
+
+
+def _density(z: float) -> float:
+    return float(np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi))
+
+
+def _times_density(z: float) -> float:
+    return z * _density(z) if np.isfinite(z) else 0.0
+
+
+DISTRIBUTIONS = {kind.__name__: kind for kind in (Normal, LogNormal, Uniform, Choice, Cut, Shifted)}
+"""Name of a distribution in a values file -> its class."""
+
+
+def uniforms(seed: int, name: str, first: int, members: int) -> Array:
+    """Return numbers (members,) between 0 and 1 of the members from `first` on, of the stream of a name. [-]
+
+    The generator counts (Philox: Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11, 2011), one stream per name, one count
+    per member. A draw depends on the seed, the name and the member's index alone: not on how many members there are, what else is drawn, or
+    which process draws it.
+    """
+    key = int.from_bytes(hashlib.sha256(f"{seed} {name}".encode()).digest()[:16], "big")
+    raw = np.random.Philox(key=key, counter=first).random_raw(4 * members)[::4]
+    out: Array = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    return out
+
+
+@dataclass(frozen=True)
+class Source:
+    """A named cause of uncertainty.
+
+    Parameters
+    ----------
+    name : str      Unique; that of a fit's noise holds the key of its stage, so that branches above one component share it.
+    kind : str      data (noise of one fit), instrument (a constant error), stated, structural, misfit or variant.
+    law : Distribution  Standard normal where values respond to it by their standard deviation.
+    words : str     What it is, for people.
+    """
+
+    name: str
+    kind: Kind
+    law: Distribution
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something uncertain that an answer does not count.
+
+    Parameters
+    ----------
+    what : str      What is left out, for people.
+    kelvin : float  The standard deviation that it might add, where that is known; NaN otherwise. [K]
+    listed : bool   Whether it stands in the list alone: true of most answers, and so no news in a first line.
+    """
+
+    what: str
+    kelvin: float = float("nan")
+    listed: bool = False
 
 
 @dataclass(frozen=True)

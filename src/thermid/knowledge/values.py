@@ -16,12 +16,11 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, NameNotFoundError, nearest
 from thermid.files import VALUES, parse_toml, read_text, write_text
-from thermid.knowledge.sources import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source
-from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.store import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.replacement import Dropped
-from thermid.units import unit
+from thermid.units import from_si, unit
 
 SCHEMA = 2
 AGREES = 1e-6
@@ -79,8 +78,7 @@ class FittedValue:
 
     def converted(self, number: float) -> float:
         """Return an SI number, such as a bound, in the value's unit."""
-        of = unit(self.unit)
-        return (number - float(of.offset)) / float(of.factor)
+        return from_si(number, self.unit)
 
     @property
     def in_unit(self) -> float:
@@ -313,10 +311,9 @@ def _groups(store: Store) -> Iterable[list[int]]:
 
 def _kept(state: State, store: Store) -> dict[str, Any]:
     """Return a state as the file holds it; text and error are for people."""
-    of = unit(state.unit)
     out = {
         "value": state.value,
-        "text": f"{(state.value - float(of.offset)) / float(of.factor):.9g} [{state.unit}]",
+        "text": f"{from_si(state.value, state.unit):.9g} [{state.unit}]",
         "error": store.error(state.path),
         "error_random": state.random,
         "transform": "log" if state.log else "linear",

@@ -14,7 +14,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.errors import DeckError, ScenarioError, nearest
-from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import LeftOut
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array
 from thermid.model.deck.modelfile import load_model
@@ -24,7 +24,7 @@ from thermid.model.tree.model import Model
 from thermid.monte_carlo.drivers import Driver, drivers_of
 from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.structural import MISFIT
+from thermid.prediction.budget import MISFIT
 from thermid.reduction.macro import macro_model
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.knowledge.sources import Choice, LeftOut, Source
-from thermid.knowledge.store import model_standing
+from thermid.knowledge.store import Choice, LeftOut, Source, model_standing
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import literal
@@ -123,7 +122,7 @@ def plan_runs(
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
     """Return a budget with a source that tells scenarios apart, all as likely; it moves nothing by itself."""
     source = Source(chosen, "variant", Choice(count), f"which of {count} scenarios or starts")
-    return budget.beside(source, chosen)
+    return budget.beside([source], chosen)
 
 
 Progress = Callable[[int, int], None]

@@ -13,27 +13,26 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import OperatingPoint, coefficient_path, constant_coefficients, kept_in, misfit_kept
-from thermid.knowledge.sources import LeftOut, Normal, Shifted, Source, uniforms
+from thermid.fit.discrepancy import (
+    ALIKE,
+    MOST,
+    Discrepancy,
+    OperatingPoint,
+    coefficient_path,
+    constant_coefficients,
+    kept_in,
+    losing_gas,
+    misfit_kept,
+)
+from thermid.knowledge.store import Distribution, LeftOut, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import Array
+from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
-from thermid.network.network import compile_network
+from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
-from thermid.prediction.structural import (
-    CONSTANT,
-    GAS_IN_JOINTS,
-    MISFIT,
-    Mode,
-    misfit_of,
-    modes_of,
-    open_contacts,
-    responses,
-    split_needed,
-    split_rows,
-)
+from thermid.prediction.split import split_values
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 
@@ -46,6 +45,11 @@ UNFITTED = "the model's own error: nothing was fitted, so no log says it"
 SILENT = "misfit: the fitted values do not say what their fit could not follow"
 FELT = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
+
+
+CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
+"""Causes, as a reader is told them."""
+NAMES = {"difference": "exponent of", "level": "radiative share of"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +109,137 @@ class Spread:
         return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
 
 
+@dataclass(frozen=True)
+class Mode:
+    """One way in which a constant coefficient may differ from a constant, as a source of error.
+
+    Parameters
+    ----------
+    path, kind : str    Of the conductor; 'difference' or 'level'.
+    law : Distribution  Of the exponent or of the radiative share. [-]
+    """
+
+    path: str
+    kind: str
+    law: Distribution
+
+    @property
+    def name(self) -> str:
+        """What the source and its target are called."""
+        return f"{NAMES[self.kind]} {self.path}"
+
+
+def modes_of(kept: Sequence[Discrepancy]) -> tuple[list[Mode], Array]:
+    """Return the coefficient modes of all fits, of two that know one the later's, and their correlations.
+
+    Half of what two surfaces do not follow is the surroundings', half their own (`ALIKE`).
+    """
+    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items()}
+    modes = list(found.values())
+    alike = [[1.0 if a is b else ALIKE if a.kind == b.kind else 0.0 for b in modes] for a in modes]
+    return modes, np.array(alike).reshape(len(modes), len(modes))
+
+
+def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) -> Array:
+    """Return what the fitted values (names, modes) would differ by for a unit of each mode; fitted form."""
+    place = {name: k for k, name in enumerate(rows.names)}
+    column = {(m.path, m.kind): k for k, m in enumerate(modes)}
+    out = np.zeros((len(rows.names), len(modes)))
+    for k in kept:
+        for i, name in enumerate(k.names):
+            if name in place:
+                out[place[name]] = 0.0  # what an earlier fit found of it was replaced
+                for j, key in enumerate(k.sizes):
+                    out[place[name], column[key]] = k.response[i, j]
+    return out
+
+
+def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str, float]:
+    """Return node -> standard deviation of what the last fit that says so could not follow; empty where none does. [K]
+
+    Nodes without a reading of their own have the root mean square of those that have one.
+    """
+    sizes = next((k for k in reversed(kept) if any(k.values())), {})
+    if not sizes:
+        return {}
+    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+    return {n: sizes.get(n, other) for n in network.nodes}
+
+
+def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
+    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
+    network = compile_network(model)
+    media = scenario.media()
+    roots = network.flat.parameters.literal_behind
+    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
+
+
+def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str]) -> tuple[Model, Rows]:
+    """Return the model and the rows with effective coefficients separated where the scenario thins their gas.
+
+    Parameters
+    ----------
+    known, rows         What is known.
+    scenario : Scenario What is asked about.
+    named : sequence    Names whose spread is stated; an emissivity among them is known already.
+    """
+    values = known.placed[-1] if known.values else FittedValues(known.model.title, {}, np.zeros((0, 0)))
+    thin = split_needed(known.model, scenario, [*known.assigned, *map(known.model.canonical, named)])
+    surfaces = known.kept[-1].surfaces if known.kept else {}
+    thin = [p for p in thin if p in surfaces]
+    if not thin:
+        return known.model, rows
+    apart = split_values(known.model, values.bare(), thin, surfaces)
+    fresh = [p for p in apart.values if p not in values]
+    names = [*values.bare(), *fresh]
+    joint = apart.values.covariance
+    n = len(names) - len(fresh)
+    # emissivities given the fitted values: b a^-1 of their covariances; what that leaves is the split's own
+    follows = joint[n:, :n] @ symmetric_inverse(joint[:n, :n])
+    place = {name: k for k, name in enumerate(rows.names)}
+    upper = np.array([rows.matrix[place[p]] if p in place else np.zeros(len(rows.sources)) for p in names[:n]])
+    upper = upper.reshape(n, len(rows.sources))
+    own = joint[n:, n:] - follows @ joint[:n, n:]
+    sources, matrix = normal_sources(f"split of '{values.stage}'", own, "structural")
+    whole = np.zeros((len(rows.names) + len(fresh), len(rows.sources) + len(sources)))
+    whole[: len(rows.names), : len(rows.sources)] = rows.matrix
+    whole[len(rows.names) :, : len(rows.sources)] = follows @ upper
+    whole[len(rows.names) :, len(rows.sources) :] = matrix
+    also = {p: v.also for p, v in apart.values.items() if v.also}
+    causes = (*rows.causes, *(SPLIT,) * len(sources))
+    return apart.model, Rows(
+        (*rows.names, *fresh), (*rows.log, *(True,) * len(fresh)), {**rows.also, **also}, (*rows.sources, *sources), causes, whole
+    )
+
+
+def open_contacts(known: Known, rows: Rows, scenario: Scenario) -> tuple[dict[str, Source], str]:
+    """Return fitted contact conductance -> source of its relative change without gas, and a remark; none where no gas leaves.
+
+    A contact fitted in air is the sum of touching spots and of gas between. Without gas it is anything from what is fitted less what gas
+    can carry to all of it, each as likely. A joint with a `gap` in its deck, or a record at low pressure, separates both.
+    """
+    network = compile_network(known.model)
+    seen = [p for k in known.kept for p in k.separated]
+    fitted = {p: n for n in rows.names for p in (n, *rows.also.get(n, ()))}
+    numbers = network.numbers().values
+    out: dict[str, Source] = {}
+    for c in losing_gas(network, scenario.media(), seen):
+        name = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]), "")
+        if name and name not in out:
+            value = float(value_of(numbers[name]))
+            words = f"the part of '{c.path}' that is gas"
+            out[name] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MOST / value), 0.0), words)
+    if not out:
+        return out, ""
+    named, was, it = ", ".join(f"'{p}'" for p in out), "was" if len(out) == 1 else "were", "it" if len(out) == 1 else "each"
+    return out, (
+        f"{named} {was} fitted in air. No log shows how much of {it} is conduction through the gas between the faces, so without gas "
+        f"{it} lies anywhere from the fitted value less that to all of it; the bands include this. A record at low pressure, or a gap in "
+        "the deck, would separate both"
+    )
+
+
 def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], Any]]:
     """Return names that share one value, and how it is spread; patterns reach every number of the model that they match.
 
@@ -149,12 +284,17 @@ def check_moves(names: Sequence[str], model: Model, scenario: Scenario) -> None:
         )
 
 
+def lasting(scenario: Scenario) -> Scenario:
+    """Return a scenario that lasts, where it is only its end that is asked for."""
+    return scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
+
+
 def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[Scenario]) -> None:
     """Refuse a temperature itself as the spread of what differs between scenarios: a shift is the same in all of them."""
     laws = []
     for scenario in scenarios if len(scenarios) > 1 else ():
         names = [n for n in stated if not any(c in n for c in "*?[")]
-        ready = prepare(model, scenario if scenario.seconds > 0 else scenario.with_(duration=1.0), names)
+        ready = prepare(model, lasting(scenario), names)
         laws.append({n: ready.law(n, stated[n]).mean - ready.nominal[ready.canonical(n)] for n in names})
     for name in laws[0] if laws else ():
         if max(law[name] for law in laws) - min(law[name] for law in laws) > 1e-9:
@@ -220,8 +360,8 @@ class Budget:
     @classmethod
     def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
         """Return the uncertainty of values alone, of no structure; without a scenario that of no run."""
-        make = _Making.of(rows)
-        return cls(model, scenario or Scenario(), make.sources, make.causes, make.alike, make.targets, make.gain)
+        targets = tuple(Target(n, "log" if log else "add", rows.also.get(n, ())) for n, log in zip(rows.names, rows.log, strict=True))
+        return cls(model, scenario or Scenario(), rows.sources, rows.causes, np.eye(len(rows.sources)), targets, rows.matrix)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -268,13 +408,75 @@ class Budget:
             out[cause] = np.einsum("ti,ij,tj->t", sized[:, own], self.alike[np.ix_(own, own)], sized[:, own])
         return out
 
-    def beside(self, source: Source, cause: str) -> Budget:
-        """Return the budget with a source that moves none of its targets: one that chooses between scenarios."""
-        n = len(self.sources)
-        alike = np.eye(n + 1)
-        alike[:n, :n] = self.alike
-        gain = np.hstack([self.gain, np.zeros((len(self.targets), 1))])
-        return replace(self, sources=(*self.sources, source), causes=(*self.causes, cause), alike=alike, gain=gain)
+    def beside(
+        self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0, alike: Array | None = None
+    ) -> Budget:
+        """Return it with sources of one cause that act on targets of their own; on none where one chooses between scenarios."""
+        n, m, k = len(self.sources), len(self.targets), len(sources)
+        taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
+        sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]
+        whole = np.zeros((m + len(targets), n + k))
+        whole[:m, :n], whole[m:, n:] = self.gain, gain
+        joined = np.eye(n + k)
+        joined[:n, :n] = self.alike
+        if alike is not None:
+            joined[n:, n:] = alike
+        named, causes = (*self.sources, *sources), (*self.causes, *(cause,) * k)
+        return replace(self, sources=named, causes=causes, alike=joined, targets=(*self.targets, *targets), gain=whole)
+
+    def with_one(self, source: Source, cause: str, target: Target) -> Budget:
+        """Return it with a source that moves one target by itself."""
+        return self.beside([source], cause, [target], np.ones((1, 1)))
+
+    def with_modes(self, modes: Sequence[Mode], alike: Array, response: Array) -> Budget:
+        """Return it with coefficient modes, which move their own loads and what was fitted."""
+        sources = [Source(m.name, "structural", m.law, f"{m.name}, held constant by the model") for m in modes]
+        out = self.beside(sources, CONSTANT, [Target(m.name, "mode") for m in modes], np.eye(len(modes)), alike)
+        out.gain[: response.shape[0], len(self.sources) :] += response
+        return out
+
+    def with_nodes(self, source: Source, sizes: Mapping[str, float]) -> Budget:
+        """Return it with a source that moves all nodes after the run."""
+        return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
+
+    def with_stated(self, given: Sequence[Spread | Groups]) -> Budget:
+        """Return it with what is stated."""
+        names = [n for s in given for n in _names(s)]
+        if not names:
+            return self
+        ready = prepare(self.model, lasting(self.scenario), tuple(dict.fromkeys(names)))
+        check_moves(names, self.model, self.scenario)
+        owners = {ready.canonical(n): cause for t, cause in self._owners().items() for n in (t.name, *t.also)}
+        out = self
+        for s in given:
+            cause = s.cause if isinstance(s, Spread) else "stated"
+            for name in map(ready.canonical, _names(s)):
+                if name in owners:
+                    raise IdentificationError(f"'{name}' is spread twice, by {owners[name]} and by {cause}. Leave one out.", ready.title)
+                owners[name] = cause
+            out = out._joint(s, ready) if isinstance(s, Spread) else out._single(s, ready)
+        return out
+
+    def _owners(self) -> dict[Target, str]:
+        """Return parameter -> the cause that spreads it first."""
+        own = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
+        return {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in own}
+
+    def _single(self, groups: Groups, ready: Simulator) -> Budget:
+        out = self
+        for names, how in groups:
+            first, *also = map(ready.canonical, names)
+            law = Shifted(ready.law(first, how), -ready.nominal[first])
+            out = out.with_one(Source(first, "stated", law, f"the stated spread of {first}"), "stated", Target(first, "add", tuple(also)))
+        return out
+
+    def _joint(self, spread: Spread, ready: Simulator) -> Budget:
+        sources, matrix = normal_sources(spread.cause, spread.covariance, "stated")
+        targets = [
+            Target(ready.canonical(n), "log" if log else "add", tuple(map(ready.canonical, spread.also.get(n, ()))))
+            for n, log in zip(spread.names, spread.log, strict=True)
+        ]
+        return self.beside(sources, spread.cause, targets, matrix)
 
     def without(self, names: Sequence[str]) -> Budget:
         """Return the budget without some sources, named by kind, cause or name."""
@@ -333,7 +535,7 @@ def budget_of(
     plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in given]
     rows = rows_of(source)
     own, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)])
-    make = _Making.of(rows)
+    make = Budget.of_rows(rows, own, scenario)
     contacts, remark = open_contacts(source, rows, scenario)
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
@@ -345,10 +547,9 @@ def budget_of(
     if misfit:
         words = "what the model could not follow in the records that it was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
-    make = make.with_stated(plain, own, scenario, rows)
+    make = make.with_stated(plain)
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
-    remarks = (remark,) if remark else ()
-    whole = Budget(own, scenario, make.sources, make.causes, make.alike, make.targets, make.gain, tuple(modes), conditions, remarks=remarks)
+    whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=(remark,) if remark else ())
     return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
 
 
@@ -357,90 +558,6 @@ def _names(stated: Spread | Groups) -> list[str]:
     if isinstance(stated, Spread):
         return [n for name in stated.names for n in (name, *stated.also.get(name, ()))]
     return [n for names, _ in stated for n in names]
-
-
-@dataclass(frozen=True, eq=False)
-class _Making:
-    """A budget as it grows."""
-
-    sources: tuple[Source, ...]
-    causes: tuple[str, ...]
-    alike: Array
-    targets: tuple[Target, ...]
-    gain: Array
-
-    @classmethod
-    def of(cls, rows: Rows) -> _Making:
-        targets = tuple(Target(n, "log" if log else "add", rows.also.get(n, ())) for n, log in zip(rows.names, rows.log, strict=True))
-        return cls(rows.sources, rows.causes, np.eye(len(rows.sources)), targets, rows.matrix)
-
-    def beside(self, sources: Sequence[Source], cause: str, targets: Sequence[Target], gain: Array, alike: Array | None = None) -> _Making:
-        """Return it with sources of one cause that act on targets of their own."""
-        n, m, k = len(self.sources), len(self.targets), len(sources)
-        taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
-        sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]
-        whole = np.zeros((m + len(targets), n + k))
-        whole[:m, :n], whole[m:, n:] = self.gain, gain
-        joined = np.eye(n + k)
-        joined[:n, :n] = self.alike
-        if alike is not None:
-            joined[n:, n:] = alike
-        return _Making((*self.sources, *sources), (*self.causes, *(cause,) * k), joined, (*self.targets, *targets), whole)
-
-    def with_one(self, source: Source, cause: str, target: Target) -> _Making:
-        """Return it with a source that moves one target by itself."""
-        return self.beside([source], cause, [target], np.ones((1, 1)))
-
-    def with_modes(self, modes: Sequence[Mode], alike: Array, response: Array) -> _Making:
-        """Return it with coefficient modes, which move their own loads and what was fitted."""
-        sources = [Source(m.name, "structural", m.law, f"{m.name}, held constant by the model") for m in modes]
-        out = self.beside(sources, CONSTANT, [Target(m.name, "mode") for m in modes], np.eye(len(modes)), alike)
-        out.gain[: response.shape[0], len(self.sources) :] += response
-        return out
-
-    def with_nodes(self, source: Source, sizes: Mapping[str, float]) -> _Making:
-        """Return it with a source that moves all nodes after the run."""
-        return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
-
-    def with_stated(self, given: Sequence[Spread | Groups], model: Model, scenario: Scenario, rows: Rows) -> _Making:
-        """Return it with what is stated."""
-        names = [n for s in given for n in _names(s)]
-        if not names:
-            return self
-        duration = scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
-        ready = prepare(model, duration, tuple(dict.fromkeys(names)))
-        check_moves(names, model, scenario)
-        owners = {ready.canonical(n): cause for t, cause in self._owners().items() for n in (t.name, *t.also)}
-        out = self
-        for s in given:
-            cause = s.cause if isinstance(s, Spread) else "stated"
-            for name in map(ready.canonical, _names(s)):
-                if name in owners:
-                    raise IdentificationError(f"'{name}' is spread twice, by {owners[name]} and by {cause}. Leave one out.", ready.title)
-                owners[name] = cause
-            out = out._joint(s, ready) if isinstance(s, Spread) else out._single(s, ready)
-        return out
-
-    def _owners(self) -> dict[Target, str]:
-        """Return parameter -> the cause that spreads it first."""
-        own = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
-        return {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in own}
-
-    def _single(self, groups: Groups, ready: Simulator) -> _Making:
-        out = self
-        for names, how in groups:
-            first, *also = map(ready.canonical, names)
-            law = Shifted(ready.law(first, how), -ready.nominal[first])
-            out = out.with_one(Source(first, "stated", law, f"the stated spread of {first}"), "stated", Target(first, "add", tuple(also)))
-        return out
-
-    def _joint(self, spread: Spread, ready: Simulator) -> _Making:
-        sources, matrix = normal_sources(spread.cause, spread.covariance, "stated")
-        targets = [
-            Target(ready.canonical(n), "log" if log else "add", tuple(map(ready.canonical, spread.also.get(n, ()))))
-            for n, log in zip(spread.names, spread.log, strict=True)
-        ]
-        return self.beside(sources, spread.cause, targets, matrix)
 
 
 def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[LeftOut, ...]:
@@ -533,8 +650,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     if not loose:
         return ()
     words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({_listed([a.path for a in loose])})"
-    duration = budget.scenario if budget.scenario.seconds > 0 else budget.scenario.with_(duration=1.0)
-    ready = prepare(budget.model, duration, [a.path for a in loose])
+    ready = prepare(budget.model, lasting(budget.scenario), [a.path for a in loose])
     try:
         _, slopes = ready.settled()
     except SolverError:

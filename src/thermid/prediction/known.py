@@ -12,8 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.knowledge.sources import KNOWN, Kind, Normal, Source
-from thermid.knowledge.store import Store, graft, model_standing, structural_under
+from thermid.knowledge.store import KNOWN, Kind, Normal, Source, State, Store, graft, model_standing, structural_under
 from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import Standing, worst
@@ -148,6 +147,15 @@ class Rows:
     causes: tuple[str, ...] = ()
     matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
+    @classmethod
+    def of(cls, store: Store, states: Mapping[str, State], cause: str) -> Rows:
+        """Return the rows of some states of a store, by the names that they act under."""
+        matrix = store.rows([s.path for s in states.values()], KNOWN).reshape(len(states), len(store.sources))
+        used = np.flatnonzero(matrix.any(axis=0))
+        also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
+        sources = tuple(store.sources[k] for k in used)
+        return cls(tuple(states), tuple(s.log for s in states.values()), also, sources, (cause,) * used.size, matrix[:, used])
+
     @property
     def covariance(self) -> Array:
         """Of the names, in the form of `log`."""
@@ -178,13 +186,8 @@ def rows_of(known: Known) -> Rows:
         loose = next((p for p, s in acting.items() if not s.known and s.origin.kind == "fit"), None)
         if loose is not None:
             raise IdentificationError(f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", known.model.title)
-        states = [s for p, s in acting.items() if s.known and store.error(p) > 0]
-        matrix = store.rows([s.path for s in states], KNOWN).reshape(len(states), len(store.sources))
-        used = np.flatnonzero(matrix.any(axis=0))
-        also = {s.acts[0]: s.acts[1:] for s in states if len(s.acts) > 1}
-        causes = ("fit" if known.fit is not None else f"fit of {values.stage}",) * used.size
-        sources = tuple(store.sources[k] for k in used)
-        out = out.beside(Rows(tuple(s.acts[0] for s in states), tuple(s.log for s in states), also, sources, causes, matrix[:, used]))
+        states = {s.acts[0]: s for p, s in acting.items() if s.known and store.error(p) > 0}
+        out = out.beside(Rows.of(store, states, "fit" if known.fit is not None else f"fit of {values.stage}"))
     return out
 
 
@@ -193,11 +196,7 @@ def instruments_of(known: Known) -> Rows:
     out = Rows()
     for store in reversed(known.stores):
         own = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
-        matrix = store.rows([s.path for s in own], KNOWN).reshape(len(own), len(store.sources))
-        used = np.flatnonzero(matrix.any(axis=0))
-        sources = tuple(store.sources[k] for k in used)
-        names, log = tuple(s.path for s in own), tuple(s.log for s in own)
-        out = out.beside(Rows(names, log, {}, sources, ("instruments",) * used.size, matrix[:, used]))
+        out = out.beside(Rows.of(store, {s.path: s for s in own}, "instruments"))
     return out
 
 

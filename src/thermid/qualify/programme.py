@@ -18,8 +18,8 @@ from thermid.judge.margins import Margin, margins
 from thermid.model.parts.parameter import Standing
 from thermid.model.tree.tree import parameter_table
 from thermid.prediction.budget import SILENT, UNFITTED, assumed_values
-from thermid.prediction.foresight import IN_TESTS, Foresight, widened
 from thermid.prediction.known import Known
+from thermid.prediction.predict import IN_TESTS, Foresight, widened
 from thermid.qualify.lock import LockStatus, lock_status, note_look
 from thermid.qualify.plan import Plan, load_plan
 from thermid.qualify.trial import Trial, run_test

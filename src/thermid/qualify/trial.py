@@ -23,8 +23,8 @@ from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import flatten
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-from thermid.prediction.foresight import Foresight, foresee
 from thermid.prediction.known import Known
+from thermid.prediction.predict import Foresight, foresee
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun, in_short
 from thermid.profiles.profile import ThermalProfile

@@ -7,7 +7,7 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
-from thermid.knowledge.sources import uniforms
+from thermid.knowledge.store import uniforms
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario

@@ -13,7 +13,8 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, ScenarioError, nearest
-from thermid.knowledge.sources import Distribution, read_spread
+from thermid.knowledge.spreads import read_spread
+from thermid.knowledge.store import Distribution
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.tree.model import Model

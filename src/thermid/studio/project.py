@@ -20,8 +20,7 @@ from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.knowledge.sources import LeftOut
-from thermid.knowledge.store import State, Store, ValueOrigin
+from thermid.knowledge.store import LeftOut, State, Store, ValueOrigin
 from thermid.knowledge.values import save_store
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model

@@ -12,8 +12,7 @@ import pytest
 
 from thermid.campaign.stages import Campaign, run_stages
 from thermid.errors import DeckError, ThermidError
-from thermid.knowledge.sources import Cut, Normal, Source, Uniform
-from thermid.knowledge.store import State, Store, ValueOrigin, graft
+from thermid.knowledge.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft
 from thermid.knowledge.values import load_store, load_values, save_store
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.replacement import Dropped

@@ -13,10 +13,9 @@ from scipy import stats
 import thermid as td
 from thermid.dual import value_of
 from thermid.explain.candidates import faults_of, missing_elements
-from thermid.explain.criticism import Candidate, Criticism, TraceCriticism
+from thermid.explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.explain.diagnosis import Diagnosis, Suspect
 from thermid.explain.plausibility import RangeCheck
-from thermid.explain.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.fit.calibration import Calibration
 from thermid.network.network import compile_network
 from thermid.physics.materials import MATERIALS

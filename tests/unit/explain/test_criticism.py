@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.explain.whiteness import ljung_box, modes_of, periodogram, trace_likelihood
+from thermid.explain.criticism import ljung_box, modes_of, periodogram, trace_likelihood
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}

@@ -12,12 +12,12 @@ import pytest
 from scipy import stats
 
 import thermid as td
+from thermid.fit.calibrate import _by_instruments, mistakes, strange_powers
 from thermid.fit.calibrate import fit as fitted_by
 from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, loss_of
-from thermid.fit.refusals import _by_instruments, mistakes, strange_powers
 from thermid.fit.uncertainty.groups import _few_terms, percent, practical_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts

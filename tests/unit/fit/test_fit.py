@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from thermid.errors import IdentificationError, RecordError, SolverError
-from thermid.fit.calibrate import calibrate, fit, summarise
+from thermid.fit.calibrate import calibrate, fit, refuse_after, summarise
 from thermid.fit.minimisation import covariances, ended, minimise
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.refusals import refuse_after
 from thermid.fit.uncertainty.information import responses
 from thermid.judge.verdict import compare
 from thermid.measure import Record

@@ -16,8 +16,8 @@ from thermid.judge.criteria import Criteria
 from thermid.judge.limits import Limits
 from thermid.judge.margins import flat_margin, heater_duty, margins
 from thermid.judge.metrics import METRICS, Residuals
-from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
+from thermid.prediction.predict import foresee
 from unit.qualify.things import soak, unit
 
 TIMES = np.arange(0.0, 7200.1, 60.0)

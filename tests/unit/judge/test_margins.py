@@ -11,8 +11,8 @@ import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
 from thermid.judge.limits import Limits
 from thermid.judge.margins import POLICIES, flat_margin, heater_duty, margins
-from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
+from thermid.prediction.predict import foresee
 from unit.qualify.things import soak, unit
 
 PROC = Limits("processor", "proc", (253.15, 343.15), loads=("cpu",))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from thermid.errors import ScenarioError, UnitError
-from thermid.knowledge.sources import Choice, Cut, Distribution, LogNormal, Normal, Shifted, Uniform, read_spread
+from thermid.knowledge.spreads import read_spread
+from thermid.knowledge.store import Choice, Cut, Distribution, LogNormal, Normal, Shifted, Uniform
 from thermid.units import TEMPERATURE
 
 SHARES = (np.arange(200_000) + 0.5) / 200_000

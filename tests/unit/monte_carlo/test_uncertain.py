@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import NameNotFoundError, ScenarioError
-from thermid.knowledge.sources import Cut, Shifted, Uniform, uniforms
+from thermid.knowledge.store import Cut, Shifted, Uniform, uniforms
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.monte_carlo import chunks as campaign_runs
 from thermid.monte_carlo.drivers import drivers_of

@@ -11,12 +11,12 @@ import pytest
 import thermid as td
 from thermid.fit import discrepancy
 from thermid.fit.discrepancy import FlowHistory, OperatingPoint, patterns_of
-from thermid.knowledge import sources
-from thermid.knowledge.sources import LeftOut, Uniform
+from thermid.knowledge import spreads
+from thermid.knowledge.store import LeftOut, Uniform
 from thermid.network.network import compile_network
-from thermid.prediction import budget, predict, structural
+from thermid.prediction import budget, predict
 from thermid.prediction.budget import Budget, budget_of, first_line
-from thermid.prediction.foresight import foresee
+from thermid.prediction.predict import foresee
 from thermid.prediction.setting import Setting
 from unit.prediction.things import BENCH, CASES, HTC, plate
 
@@ -202,8 +202,7 @@ def test_constants_that_decide_the_width_of_a_band() -> None:
     assert discrepancy.MOST == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
     assert (predict.GUESSED, predict.FAR, predict.MEAN_MISS, predict.WIDTH_MISS, predict.SMALL) == (0.25, (1.25, 10.0), 0.1, 0.1, 0.05)
     assert (budget.TENTH, budget.FELT) == (0.1, 0.1)
-    assert (sources.LEAST, sources.LARGEST_SHIFT) == (1e-3, 100.0)
-    assert structural.law_of_mode("difference", 0.1, 0.2) == sources.Normal(0.1, 0.2)
+    assert (spreads.LEAST, spreads.LARGEST_SHIFT) == (1e-3, 100.0)
 
 
 @pytest.mark.parametrize(

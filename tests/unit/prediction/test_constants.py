@@ -13,10 +13,9 @@ from scipy import optimize, stats
 import thermid as td
 from thermid.design.next_test import doubts_without_gas
 from thermid.errors import IdentificationError
-from thermid.knowledge.sources import LeftOut
+from thermid.knowledge.store import LeftOut
 from thermid.prediction.budget import assumed_values, first_line
-from thermid.prediction.foresight import foresee
-from thermid.prediction.predict import Band, _missed_at, predict
+from thermid.prediction.predict import Band, _missed_at, foresee, predict
 
 TWO = stats.norm.ppf(0.975)
 

@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.knowledge.values import load_values
-from thermid.prediction.foresight import IN_TESTS, widened
-from thermid.prediction.structural import MISFIT
+from thermid.prediction.budget import MISFIT
+from thermid.prediction.predict import IN_TESTS, widened
 from unit.qualify.things import UNIT, soak, unit
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.judge.limits import Limits
-from thermid.prediction.foresight import foresee
+from thermid.prediction.predict import foresee
 from unit.prediction.things import CASES, Case
 
 PLACES = ("inside", "outside")

@@ -13,8 +13,8 @@ import thermid as td
 from thermid.errors import ThermidError
 from thermid.fit.problem.gather import prior_of
 from thermid.fit.problem.unknowns import Unknown
-from thermid.knowledge.sources import read_spread
-from thermid.prediction.foresight import foresee
+from thermid.knowledge.spreads import read_spread
+from thermid.prediction.predict import foresee
 
 DECK = """
 title = "part"

@@ -9,8 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.judge.correlation import Overlay
-from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
+from thermid.prediction.predict import foresee
 from thermid.qualify.plan_schema import TestTable as Planned
 from thermid.qualify.plan_schema import ValidityTable
 from thermid.qualify.programme import uncounted

@@ -11,7 +11,7 @@ from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, bind, first
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
-from thermid.knowledge.sources import read_spread
+from thermid.knowledge.spreads import read_spread
 from thermid.measure.record.sensor import SensorPart
 from thermid.model.laws.signal import Constant, TableSignal
 from thermid.physics.finishes import finish

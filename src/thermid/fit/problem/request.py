@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.problem.experiment import first_reading
 from thermid.fit.problem.unknowns import Unknown
-from thermid.knowledge.sources import Source, read_spread
-from thermid.knowledge.store import State, Store
+from thermid.knowledge.spreads import read_spread
+from thermid.knowledge.store import Source, State, Store
 from thermid.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
 from thermid.measure import Channel, Record
 from thermid.model.laws.signal import Constant, literal

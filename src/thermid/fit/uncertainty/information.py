@@ -14,8 +14,7 @@ from thermid.fit.problem.gather import build_problem, problem_of
 from thermid.fit.problem.request import Request, form, key_for, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
-from thermid.knowledge.sources import Normal, Source
-from thermid.knowledge.store import State
+from thermid.knowledge.store import Normal, Source, State
 from thermid.knowledge.values import rooted
 from thermid.linear_algebra import Array, Bools, covariance, finite, rank
 from thermid.model.tree.tree import ParameterSet

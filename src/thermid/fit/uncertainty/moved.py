@@ -20,7 +20,7 @@ from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse
 from thermid.measure.amounts import digits, short, some
 from thermid.model.tree.model import Model
-from thermid.units import counted, unit
+from thermid.units import counted, from_si, unit
 
 ALPHA, POWER = 0.05, 0.9
 """Chance of calling a value moved that did not, and of finding the shift that is stated as detectable."""
@@ -295,13 +295,13 @@ class Move:
     @property
     def detectable_share(self) -> float:
         """The detectable shift in parts of the value as it stands in its unit; infinite where that is zero. [-]"""
-        size = abs(self._in_unit(self.below)) * float(unit(self.unit).factor)
+        size = abs(from_si(self.below, self.unit)) * float(unit(self.unit).factor)
         return self.detectable / size if size > 0 else math.inf
 
     @property
     def printed(self) -> str:
         """The value below with the digits that its own stage prints."""
-        return digits(self._in_unit(self.below), self.below_random / float(unit(self.unit).factor))
+        return digits(from_si(self.below, self.unit), self.below_random / float(unit(self.unit).factor))
 
     @property
     def power(self) -> str:
@@ -314,15 +314,11 @@ class Move:
             return f"a shift of {short(amount, 2)} {'K' if unit(self.unit).offset else self.unit} would be found with 90 % power"
         return "it says nothing of this value"
 
-    def _in_unit(self, value: float) -> float:
-        of = unit(self.unit)
-        return (value - float(of.offset)) / float(of.factor)
-
     def __str__(self) -> str:
         """Return one line."""
         if not self.told:
             return f"{self.path}  {self.printed} {self.unit}: {self.verdict}; {self.power}"
-        low, high = self._in_unit(self.below), self._in_unit(self.alone)
+        low, high = from_si(self.below, self.unit), from_si(self.alone, self.unit)
         change = 100 * (high / low - 1) if low else 0.0
         share = (f" ({change:+.0f} %)" if abs(change) >= 10 else f" ({change:+.2g} %)") if low else ""
         far = f"{abs(self.deviations):.1f} standard errors"

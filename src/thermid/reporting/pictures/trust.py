@@ -14,11 +14,9 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
-from thermid.explain.criticism import Criticism
-from thermid.explain.whiteness import cumulated_periodogram
+from thermid.explain.criticism import Criticism, cumulated_periodogram
 from thermid.files import PICTURE, write_bytes
-from thermid.inference.profile import Profile
-from thermid.inference.valley import Valley
+from thermid.inference.profile import Profile, Valley
 from thermid.monte_carlo.hold import Hold, HoldPoint, clock, driven_by
 from thermid.physics.constants import ICE_POINT
 from thermid.profile_runs.profile_run import ProfileRun
