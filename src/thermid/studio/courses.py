@@ -15,9 +15,8 @@ from thermid.judge.margins import Margin, margins
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.foresight import foresee
 from thermid.prediction.known import Known
-from thermid.prediction.predict import Band
+from thermid.prediction.predict import Band, foresee
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.profiles.number import SLOTS
