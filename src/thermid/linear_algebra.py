@@ -1,4 +1,6 @@
-"""Linear algebra of information: covariance, null space, pseudo-inverse, roots and the sandwich, with one rank tolerance.
+"""Linear algebra of information: covariance, null space, pseudo-inverse, roots and the sandwich, with the tolerances of two questions.
+
+Can an unknown be told from the others (RANK_TOLERANCE), and has it any effect at all (NOTHING)?
 
 Rows J are derivatives of residuals in units of their errors: J'J is the information, and (J'J)^-1 the covariance of the unknowns. Columns
 are scaled to length one first, so that no unit decides what counts as nothing.
@@ -20,7 +22,8 @@ more. Eigenvalues of J'J and of a covariance are squares of these, so that their
 LOST = 1e-3
 """Part that an unknown may have in directions without information and still count as known."""
 NOTHING = 1e-12
-"""Length of a column, beside the longest, up to which no row depends on its unknown."""
+"""What rounding leaves: length of a column, beside the longest, up to which no row depends on its unknown, and singular value of scaled
+rows up to which a combination has no effect. Between this and RANK_TOLERANCE rows depend on it, weakly: its error is finite and large."""
 
 
 def scaled(rows: Array) -> tuple[Array, Array, Bools]:
@@ -35,28 +38,28 @@ def scaled(rows: Array) -> tuple[Array, Array, Bools]:
     return np.concatenate([np.where(seen, rows / length, 0.0), below]), length, seen
 
 
-def _decomposed(rows: Array) -> tuple[Array, Array, Bools, Array]:
+def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, Bools, Array]:
     """Return singular values and right singular vectors of the scaled rows, which directions hold nothing, and the scale."""
     unit_columns, length, _ = scaled(rows)
     _, s, v = np.linalg.svd(unit_columns, full_matrices=False)
-    return s, v, s <= RANK_TOLERANCE * s[0], length
+    return s, v, s <= tolerance * s[0], length
 
 
-def pseudo_inverse(rows: Array) -> Array:
+def pseudo_inverse(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Return the pseudo-inverse of J'J: right for combinations of which the rows say something, nothing of the others."""
     if rows.shape[1] == 0:
         return np.zeros((0, 0))
-    s, v, weak, length = _decomposed(rows)
+    s, v, weak, length = _decomposed(rows, tolerance)
     inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
     # (J'J)^-1 = V S^-2 V'
     return np.asarray((v.T * inverted**2) @ v / np.outer(length, length))
 
 
-def covariance(rows: Array) -> Array:
+def covariance(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Return (J'J)^-1; an unknown with a part in a direction without information has an infinite variance and goes with no other."""
     if rows.shape[1] == 0:
         return np.zeros((0, 0))
-    s, v, weak, length = _decomposed(rows)
+    s, v, weak, length = _decomposed(rows, tolerance)
     inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
     out = (v.T * inverted**2) @ v / np.outer(length, length)
     lost = np.linalg.norm(v[weak], axis=0) > LOST
@@ -75,7 +78,7 @@ def null_space(rows: Array) -> Array:
     _, _, seen = scaled(rows)
     if seen.sum() < 2:
         return np.zeros((0, rows.shape[1]))
-    _, v, weak, inner = _decomposed(rows[:, seen])
+    _, v, weak, inner = _decomposed(rows[:, seen], RANK_TOLERANCE)
     out = np.zeros((int(weak.sum()), rows.shape[1]))
     out[:, seen] = v[weak] / inner
     return out

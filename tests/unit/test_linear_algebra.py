@@ -7,6 +7,7 @@ import pytest
 
 from thermid.linear_algebra import (
     LOST,
+    NOTHING,
     RANK_TOLERANCE,
     covariance,
     finite,
@@ -48,6 +49,17 @@ def test_one_tolerance_says_which_directions_hold_nothing() -> None:
         assert rank(rows) == (2 if known else 1)
         assert null_space(rows).shape[0] == (0 if known else 1)
         assert np.isfinite(variance(rows.T @ rows, np.array([1.0, -1.0]))) == known
+
+
+def test_what_rows_see_weakly_has_an_error_at_the_end_of_a_fit() -> None:
+    """Not to be told from another by RANK_TOLERANCE is not the same as without effect."""
+    for ratio, seen in ((1.1e-12, True), (0.9e-12, False)):
+        found = covariance(nearly_bound(ratio), NOTHING)
+        assert np.isfinite(found).all() == seen
+        assert np.isinf(np.diag(covariance(nearly_bound(ratio)))).all()
+        if seen:
+            np.testing.assert_allclose(np.diag(pseudo_inverse(nearly_bound(ratio), NOTHING)), 0.5 / ratio**2, rtol=1e-3)
+    np.testing.assert_allclose(np.diag(covariance(nearly_bound(7e-8), NOTHING)), 0.5 / 7e-8**2, rtol=1e-6)
 
 
 def test_an_unknown_in_a_blind_direction_has_no_error_and_goes_with_no_other() -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, SolverError, nearest
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
-from thermid.linear_algebra import Array, covariance, finite, pseudo_inverse, sandwich
+from thermid.linear_algebra import NOTHING, Array, covariance, finite, pseudo_inverse, sandwich
 from thermid.simulation.ensemble import run_members
 
 NEAR, DONE = 0.02, 1e-4
@@ -246,10 +246,10 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     that do not wander, in squares of the noise. Residuals that wander add ``C E C / level^2``, with E (unknowns, unknowns) the `excess` of
     the covariance of J'r over ``level J'J``: the sandwich of Huber, Proc. 5th Berkeley Symposium 1 (1967) 221, which widens the directions
     along which they wander and leaves the others. The random part is the scatter of a repeat of the same tests with the same instruments;
-    what is left is what the priors hold of constant errors.
+    what is left is what the priors hold of constant errors. A combination that the data depend on, however weakly, has a finite error.
     """
     data = fit.jacobian / np.sqrt(level)
-    weights = covariance(np.concatenate([data, fit.priors]))
+    weights = covariance(np.concatenate([data, fit.priors]), NOTHING)
     known = finite(weights)
     spread = data @ known
     added = sandwich(known, excess) / level**2 if excess is not None else np.zeros_like(known)
@@ -397,7 +397,7 @@ def _level(problem: Problem, found: Fit) -> float:
 def _errors(problem: Problem, found: Fit) -> Array:
     """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
     rows = np.concatenate([found.jacobian / np.sqrt(max(1.0, _level(problem, found))), found.priors])
-    return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows))))
+    return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows, NOTHING))))
 
 
 def _descended(population: Population, first: Fit, why: str, progress: Progress | None) -> Fit:
