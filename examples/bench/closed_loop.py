@@ -19,10 +19,9 @@ import numpy as np
 from scipy.linalg import expm
 
 import thermid as td
+from thermid.acquire.bench_files import MappedSensor, load_programme
 from thermid.acquire.board import World, made_up_rom
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.simulated import Simulated
 
 HERE = Path(__file__).resolve().parent

@@ -15,10 +15,9 @@ import numpy as np
 from scipy.linalg import expm
 
 import thermid as td
+from thermid.acquire.bench_files import MappedSensor, Programme
 from thermid.acquire.board import Board, BoardPort
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import MappedSensor
 
 HERE = Path(__file__).resolve().parent
 PLANTED = {"pads.resistance": "2.4 [K/W]", "skin.effective_htc": "11 [W/(m^2 K)]", "plate.capacitance": "120 [J/K]"}

@@ -6,7 +6,7 @@ command line returns for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 
 
@@ -97,6 +97,18 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """
     hits = get_close_matches(name, list(known), n=1, cutoff=0.5)
     return f" Did you mean '{hits[0]}'?" if hits else ""
+
+
+def refuse_unknown(keys: Iterable[object], known: Collection[str], where: str, noun: str = "key") -> None:
+    """Refuse the first key of a table of measurements that is not known.
+
+    Raises
+    ------
+    RecordError   With those that are.
+    """
+    for key in keys:
+        if key not in known:
+            raise RecordError(f"no {noun} '{key}'; there are {', '.join(known) or 'none'}.{nearest(str(key), known)}", where)
 
 
 def quoted(names: Sequence[str], longest: int = 8) -> str:

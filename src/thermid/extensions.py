@@ -13,7 +13,8 @@ from thermid.errors import ThermidError
 
 POINTS: Final = {
     "surroundings of a scenario file": ("thermid.site", "surroundings", "surrounded"),
-    "humidity along a profile": ("thermid.site", "humid", "humid"),
+    "humidity along a profile": ("thermid.site", "moisture", "humid"),
+    "the log of a bench": ("thermid.acquire", "benchlog", "bench_cells"),
 }
 """Point -> part, module, function."""
 

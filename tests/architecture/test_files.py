@@ -36,7 +36,7 @@ READS = {"read_text", "read_bytes"}
 NO_INPUT = {
     "thermid.files": "reading is its work",
     "thermid.seals": "what is there already is looked at, not used",
-    "thermid.acquire.sensormap": "the map is changed in its place",
+    "thermid.acquire.bench_files": "the map is changed in its place",
     "thermid.acquire.benchlog": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",
     "thermid.judge.verdict": "verdicts of its own",

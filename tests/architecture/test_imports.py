@@ -228,7 +228,7 @@ def test_no_module_needs_itself_to_load(modules: dict[str, Module]) -> None:
         ("thermid.reporting.x", "import importlib\nimportlib.import_module('thermid.cli')", "may not import 'cli'"),
         ("thermid.units", "if TYPE_CHECKING:\n    from thermid.expression import Expression", "may not import 'expression'"),
         ("thermid.simulation.x", "def f():\n    from thermid.site.pad import pad_scenario", "may not import 'site'"),
-        ("thermid.profile_runs.x", "import importlib\nimportlib.import_module('thermid.site.humid')", "may not import 'site'"),
+        ("thermid.profile_runs.x", "import importlib\nimportlib.import_module('thermid.site.moisture')", "may not import 'site'"),
         ("thermid.simulation.scenarios.x", "from thermid.measure import Record", "only "),
         ("thermid.kitchen.x", "", "no line in ARROWS"),
         ("thermid.fit.problem.x", "if TYPE_CHECKING:\n    from thermid.fit.calibration import Calibration", "may not import 'fit'"),

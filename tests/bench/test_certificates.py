@@ -11,11 +11,10 @@ import pytest
 from scipy.linalg import expm
 
 import thermid as td
+from thermid.acquire.bench_files import MappedSensor, Programme, load_sensors
 from thermid.acquire.board import Board, BoardPort
 from thermid.acquire.guide import ice_point
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import MappedSensor, load_sensors
 
 DECK = Path(__file__).parents[2] / "examples" / "bench" / "plate.toml"
 PLANTED = {"pads.resistance": (2.4, "K/W"), "skin.effective_htc": (11.0, "W/(m^2 K)")}

@@ -18,8 +18,7 @@ from typing import Any
 from unittest import mock
 
 import thermid as td
-from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import load_sensors
+from thermid.acquire.bench_files import load_programme, load_sensors
 from thermid.campaign.file import read_campaign
 from thermid.cli import main
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from thermid.acquire.bench_files import MappedSensor, save_sensor
 from thermid.acquire.logger import Logger
-from thermid.acquire.sensormap import MappedSensor, save_sensor
 from thermid.errors import RecordError
 from thermid.measure.record.sensor import ICE, SensorCertificate
 

@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from thermid.acquire.bench_files import MappedSensor, Programme
 from thermid.acquire.benchlog import MOST_CURRENT, RANGE, LogFile
 from thermid.acquire.board import BoardPort
 from thermid.acquire.port import Port
-from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.wire import BoardLine, parse_line, sealed
 from thermid.errors import RecordError
 from thermid.measure.record.channel import FloatArray

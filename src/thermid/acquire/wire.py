@@ -12,8 +12,6 @@ from thermid.errors import RecordError
 MAGIC: Final = "# thermid bench log 1"
 """First line of a bench log."""
 
-STATUSES: Final = ("ok", "crc", "lost", "short", "power")
-
 _VALUE: Final = re.compile(r"D,(\d{1,10}),(\d{1,10}),([0-9A-F]{16}|[HVI][1-9]),(-?\d{1,6})?,(ok|crc|lost|short|power)\Z", re.ASCII)
 _OTHER: Final = re.compile(r"([BSCRE]),(\d{1,10}),(\d{1,10}),([ -)+-~]{1,80})\Z", re.ASCII)
 _FIELDS: Final = {"B": (3, 3), "S": (2, 2), "C": (3, 3), "R": (2, 2), "E": (1, 2)}

@@ -17,13 +17,12 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from thermid.acquire.bench_files import load_programme, load_sensors
 from thermid.acquire.board import BoardPort, simulated
 from thermid.acquire.guide import ice_point as guided_ice_point
 from thermid.acquire.guide import tell_apart
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.port import check_port, find_port
-from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import load_sensors
 from thermid.errors import RecordError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import Channel

@@ -10,8 +10,18 @@ from pathlib import Path
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
-from thermid.interop.formula import Formula, Text, number_text
-from thermid.interop.wired import Wired, conductance_text, identifiers, one_line, refuse_crooked, table_points, wired
+from thermid.interop.wired import (
+    Formula,
+    Text,
+    Wired,
+    conductance_text,
+    identifiers,
+    number_text,
+    one_line,
+    refuse_crooked,
+    table_points,
+    wired,
+)
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
 from thermid.model.tree.model import Model

@@ -10,8 +10,7 @@ from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
-from thermid.interop.formula import number_text
-from thermid.interop.wired import HeatSource, Wired, conductance_text, identifiers, one_line, table_points, wired
+from thermid.interop.wired import HeatSource, Wired, conductance_text, identifiers, number_text, one_line, table_points, wired
 from thermid.model.laws.curves import FAR, Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
 from thermid.model.tree.model import Model

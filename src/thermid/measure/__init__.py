@@ -5,8 +5,8 @@ the error of that.
 May import: `measure.amounts`, `measure.readers`, `measure.record` and the foundation.
 """
 
+from thermid.measure.readers.log_reader import read_plain as read_plain
 from thermid.measure.readers.log_reader import read_record as read_record
-from thermid.measure.readers.plain import read_plain as read_plain
 from thermid.measure.record.channel import Channel as Channel
 from thermid.measure.record.channel import Origin as Origin
 from thermid.measure.record.channel import SampleTable as SampleTable

@@ -11,12 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.linear_algebra import Array
-from thermid.physics.air import GAS_CONSTANT, Gas, air_conductivity, air_specific_heat, air_viscosity
+from thermid.physics.air import GAS_CONSTANT, air_conductivity, air_specific_heat
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 
 VAPOUR_CONSTANT: Final = 461.523
 """Specific gas constant of water vapour: 8.31446262 J/(mol K) over 18.015268 g/mol. [J/(kg K)]"""
-AIR_MASS, WATER_MASS = 28.96492, 18.015268  # g/mol
 LIQUID = ((1.0, -7.85951783), (1.5, 1.84408259), (3.0, -11.7866497), (3.5, 22.6807411), (4.0, -15.9618719), (7.5, 1.80122502))
 ICE = ((0.00333333333, -21.2144006), (1.20666667, 27.3203819), (1.70333333, -6.10598130))
 CRITICAL, CRITICAL_PRESSURE = 647.096, 22.064e6
@@ -93,23 +92,6 @@ def dew_point(pressure: Any) -> Array:
     return np.asarray(np.where(p > 0.0, t, 0.0))
 
 
-def humidity_ratio(temperature: Any, humidity: Any, pressure: Any = ATMOSPHERE) -> Array:
-    """Mass of vapour to a mass of dry air [-].
-
-    Parameters
-    ----------
-    temperature : float or array   Of the air. [K]
-    humidity : float or array      Relative, 0 to 1. [-]
-    pressure : float or array      Of the moist air. [Pa]
-
-    References
-    ----------
-    ASHRAE Handbook of Fundamentals 2021, chapter 1, eq. 20.
-    """
-    vapour = vapour_pressure(temperature, humidity)
-    return np.asarray(WATER_MASS / AIR_MASS * vapour / (np.asarray(pressure, dtype=float) - vapour))
-
-
 def vapour_density(pressure: Any, temperature: Any) -> Array:
     """Density of vapour as an ideal gas [kg/m^3].
 
@@ -174,37 +156,3 @@ def mass_transfer_coefficient(htc: Any, temperature: Any, pressure: Any = ATMOSP
     storing = p / (GAS_CONSTANT * t) * air_specific_heat(t)
     lewis = air_conductivity(t) / storing / vapour_diffusivity(t, p)
     return np.asarray(np.asarray(htc, dtype=float) / storing * lewis ** (-2.0 / 3.0))
-
-
-def moist_air(temperature: float, humidity: float, pressure: float = ATMOSPHERE) -> Gas:
-    """Air of some humidity for the convection correlations: conductivity, kinematic viscosity, Prandtl number.
-
-    Parameters
-    ----------
-    temperature : float   [K]
-    humidity : float      Relative, over liquid water, 0 to 1. [-]
-    pressure : float      [Pa]
-
-    References
-    ----------
-    Mixture rules of Wilke and of Mason and Saxena as in Tsilingiris, Energy Conversion and Management 49 (2008) 1098; vapour's viscosity
-    and conductivity there, eqs. 40 and 41, its specific heat eq. 44.
-    """
-    t = temperature - ICE_POINT
-    share = float(vapour_pressure(temperature, humidity)) / pressure
-    dry = float(np.asarray(air_viscosity(temperature))), float(np.asarray(air_conductivity(temperature)))
-    wet = (80.58131868 + 0.4000549451 * t) * 1e-7, (17.61758242 + 0.05558941059 * t + 1.663336663e-4 * t * t) * 1e-3
-    viscosity, conductivity = (_mixed(share, a, b, dry[0] / wet[0]) for a, b in zip(dry, wet, strict=True))
-    mass = (1.0 - share) * AIR_MASS + share * WATER_MASS
-    density = pressure * mass / (8314.46262 * temperature)
-    vapour_heat = 1869.10989 - 0.2578421578 * t + 1.941058941e-2 * t * t
-    heat = (float(np.asarray(air_specific_heat(temperature))) * (1.0 - share) * AIR_MASS + vapour_heat * share * WATER_MASS) / mass
-    return Gas(conductivity, viscosity / density, viscosity * heat / conductivity)
-
-
-def _mixed(share: float, air: float, vapour: float, viscosities: float) -> float:
-    """Return a transport property of air with a molar share of vapour, by Wilke's rule."""
-    ratio = AIR_MASS / WATER_MASS
-    first = (1.0 + np.sqrt(viscosities) * (1.0 / ratio) ** 0.25) ** 2 / np.sqrt(8.0 * (1.0 + ratio))
-    second = (1.0 + np.sqrt(1.0 / viscosities) * ratio**0.25) ** 2 / np.sqrt(8.0 * (1.0 + 1.0 / ratio))
-    return float((1.0 - share) * air / (1.0 - share + share * first) + share * vapour / (share + (1.0 - share) * second))

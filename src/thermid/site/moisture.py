@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, SolverError, nearest
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, signal
 from thermid.model.parts.elements import HeatLoad
@@ -250,3 +250,48 @@ def _time_below(times: Array, margin: Array) -> float:
     low, high = np.minimum(a, b), np.maximum(a, b)
     part = np.where(high <= 0.0, low < 0.0, np.where(low >= 0.0, 0.0, -low / np.where(high > low, high - low, 1.0)))
     return float(part @ dt)
+
+
+LEFT_OUT = (
+    "the heat of settling and drying water found no balance with the temperatures and was left out: while water settles the "
+    "margins are too small and the films too thick, and they dry sooner than they would"
+)
+
+
+def humid(
+    model: Model,
+    scenario: Scenario,
+    humidity: Signal,
+    gases: tuple[str, ...],
+    solution: Solution,
+    every: float,
+    told: Callable[[int, float], None] | None = None,
+) -> tuple[Moisture, str]:
+    """Return what humidity does along a run, and a remark where its latent heat was left out.
+
+    Parameters
+    ----------
+    model, scenario : Model, Scenario   The whole run.
+    humidity : Signal                   Relative humidity of the chamber. [-]
+    gases : tuple of str                Boundaries that are the chamber.
+    solution : Solution                 The same run without moisture.
+    every : float                       Time between outputs. [s]
+    told : callable                     Told after each pass of the balance, as in `moisture`.
+
+    Raises
+    ------
+    ScenarioError   When no surface exchanges heat with the chamber as with a gas.
+    """
+    flat = compile_network(model, media=scenario.media()).flat
+    parts = [c for c in flat.conductors if c.kind in ("convection", "effective") and c.path in flat.surfaces and c.gas in gases]
+    if not parts:
+        raise ScenarioError(
+            f"no surface exchanges heat with {' or '.join(gases)} by convection, so humidity has nothing to settle on. "
+            "Give the deck surfaces, or run the profile without humidity.",
+            scenario.title,
+        )
+    air = {c.gas: humidity for c in parts}
+    try:
+        return moisture(model, scenario, air, every=every, told=told), ""
+    except (ScenarioError, SolverError):
+        return Moisture.of(solution, parts, follow(solution, parts, air, {})), LEFT_OUT

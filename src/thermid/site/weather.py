@@ -12,11 +12,11 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
-from thermid.expression import parse
 from thermid.files import was_read
-from thermid.measure.readers.plain import read_plain
+from thermid.measure.amounts import amount
+from thermid.measure.readers.log_reader import read_plain
 from thermid.measure.record.channel import FloatArray
-from thermid.units import TEMPERATURE, require
+from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
     import pandas
@@ -169,7 +169,7 @@ class Weather:
         """
         first = 0.0 if begin is None else float(begin) if isinstance(begin, int | float) else self._seconds(begin)
         covered = max(float(s.times[0]) for s in self.series.values()), self.duration
-        length = covered[1] - first if duration is None else _seconds(duration, self.name)
+        length = covered[1] - first if duration is None else amount(duration, "s", self.name)
         if not (covered[0] - 1.0 <= first and first + length <= covered[1] + 1.0 and length > 0.0):
             raise RecordError(
                 f"it covers {self._stamp(covered[0])} to {self._stamp(covered[1])}, "
@@ -184,7 +184,7 @@ class Weather:
     def _seconds(self, begin: str | datetime) -> float:
         """Return an instant as seconds from its beginning."""
         if isinstance(begin, str) and "[" in begin:
-            return _seconds(begin, self.name)
+            return amount(begin, "s", self.name)
         if self.begin is None:
             raise RecordError("it has seconds only; give begin as '6 [h]', or read the weather with its beginning.", self.name)
         given = begin if isinstance(begin, datetime) else self._read_stamp(begin)
@@ -253,7 +253,7 @@ def read_weather(
     if not target.is_file():
         raise MissingDataError(f"there is no file '{target.name}'.", target.name)
     given = read_columns(target, columns, begin, year, time)
-    longest = _seconds(max_gap, target.name)
+    longest = amount(max_gap, "s", target.name)
     series: dict[str, WeatherSeries] = {}
     filled: list[str] = []
     notes = list(given.notes)
@@ -312,16 +312,6 @@ def _existing(given: Columns, name: str, known: WeatherSeries, file: str) -> Flo
 
 def _stamp(begin: datetime | None, seconds: float) -> str:
     return f"{seconds:g} s" if begin is None else (begin + timedelta(seconds=float(seconds))).strftime("%Y-%m-%d %H:%M")
-
-
-def _seconds(value: str | float, where: str) -> float:
-    if not isinstance(value, str):
-        return float(value)
-    literal = parse(value).literal
-    if literal is None:
-        raise RecordError(f"'{value}' is no time; write it as '2 [h]'.", where)
-    require(literal.unit.dimension, "s", literal.unit.text, literal.unit.absolute)
-    return float(literal.value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from thermid.acquire.bench_files import Programme
 from thermid.acquire.board import Board, BoardPort, simulated
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.programme import Programme
 from thermid.errors import RecordError
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thermid.acquire.bench_files import MappedSensor, load_programme, load_sensors, save_sensor
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.guide import certificate_of
-from thermid.acquire.programme import load_programme
-from thermid.acquire.sensormap import MappedSensor, load_sensors, save_sensor
 from thermid.errors import MissingDataError, RecordError, UnitError
 from thermid.measure.record.sensor import SensorCertificate
 

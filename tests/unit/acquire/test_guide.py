@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from thermid.acquire.bench_files import load_sensors
 from thermid.acquire.board import Board, BoardPort
 from thermid.acquire.guide import ice_point, tell_apart
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.sensormap import load_sensors
 
 
 class Hand:

@@ -13,10 +13,9 @@ import pytest
 import thermid as td
 from pseudo_terminal import Terminal
 from thermid.acquire import benchlog as stores
+from thermid.acquire.bench_files import MappedSensor, Programme
 from thermid.acquire.board import Board, made_up_rom
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.programme import Programme
-from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.wire import sealed
 from thermid.errors import RecordError
 

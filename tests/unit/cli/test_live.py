@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.acquire.bench_files import MappedSensor
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger
-from thermid.acquire.sensormap import MappedSensor
 from thermid.acquire.wire import sealed
 from thermid.cli.bench import Judge, live_table, plain_line
 from thermid.errors import RecordError

@@ -7,7 +7,7 @@ import math
 import pytest
 
 import thermid as td
-from thermid.interop.formula import Formula, Text, named, number_text, with_formulas
+from thermid.interop.wired import Formula, Text, named, number_text, with_formulas
 from unit.interop.networks import hot_box
 
 A, B = named("a", 2.5), named("b", -3.0)

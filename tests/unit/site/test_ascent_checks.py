@@ -8,7 +8,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import ScenarioError
-from thermid.site.ascent_checks import ASCENT_LIMITS
+from thermid.site.ascent import ASCENT_LIMITS
 from thermid.sourced import Figure
 
 

@@ -2,21 +2,78 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from thermid.linear_algebra import Array
+from thermid.physics.air import Gas, air_conductivity, air_specific_heat, air_viscosity
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.physics.plates import vertical_plate_htc
 from thermid.site.moist import (
     dew_point,
-    humidity_ratio,
     latent_heat,
     mass_transfer_coefficient,
-    moist_air,
     saturation_pressure,
     vapour_density,
     vapour_diffusivity,
     vapour_pressure,
 )
+
+AIR_MASS, WATER_MASS = 28.96492, 18.015268  # g/mol
+
+
+def humidity_ratio(temperature: Any, humidity: Any, pressure: Any = ATMOSPHERE) -> Array:
+    """Mass of vapour to a mass of dry air [-].
+
+    Parameters
+    ----------
+    temperature : float or array   Of the air. [K]
+    humidity : float or array      Relative, 0 to 1. [-]
+    pressure : float or array      Of the moist air. [Pa]
+
+    References
+    ----------
+    ASHRAE Handbook of Fundamentals 2021, chapter 1, eq. 20.
+    """
+    vapour = vapour_pressure(temperature, humidity)
+    return np.asarray(WATER_MASS / AIR_MASS * vapour / (np.asarray(pressure, dtype=float) - vapour))
+
+
+def moist_air(temperature: float, humidity: float, pressure: float = ATMOSPHERE) -> Gas:
+    """Air of some humidity for the convection correlations: conductivity, kinematic viscosity, Prandtl number.
+
+    Parameters
+    ----------
+    temperature : float   [K]
+    humidity : float      Relative, over liquid water, 0 to 1. [-]
+    pressure : float      [Pa]
+
+    References
+    ----------
+    Mixture rules of Wilke and of Mason and Saxena as in Tsilingiris, Energy Conversion and Management 49 (2008) 1098; vapour's viscosity
+    and conductivity there, eqs. 40 and 41, its specific heat eq. 44.
+    """
+    t = temperature - ICE_POINT
+    share = float(vapour_pressure(temperature, humidity)) / pressure
+    dry = float(np.asarray(air_viscosity(temperature))), float(np.asarray(air_conductivity(temperature)))
+    wet = (80.58131868 + 0.4000549451 * t) * 1e-7, (17.61758242 + 0.05558941059 * t + 1.663336663e-4 * t * t) * 1e-3
+    viscosity, conductivity = (_mixed(share, a, b, dry[0] / wet[0]) for a, b in zip(dry, wet, strict=True))
+    mass = (1.0 - share) * AIR_MASS + share * WATER_MASS
+    density = pressure * mass / (8314.46262 * temperature)
+    vapour_heat = 1869.10989 - 0.2578421578 * t + 1.941058941e-2 * t * t
+    heat = (float(np.asarray(air_specific_heat(temperature))) * (1.0 - share) * AIR_MASS + vapour_heat * share * WATER_MASS) / mass
+    return Gas(conductivity, viscosity / density, viscosity * heat / conductivity)
+
+
+def _mixed(share: float, air: float, vapour: float, viscosities: float) -> float:
+    """Return a transport property of air with a molar share of vapour, by Wilke's rule."""
+    ratio = AIR_MASS / WATER_MASS
+    first = (1.0 + np.sqrt(viscosities) * (1.0 / ratio) ** 0.25) ** 2 / np.sqrt(8.0 * (1.0 + ratio))
+    second = (1.0 + np.sqrt(1.0 / viscosities) * ratio**0.25) ** 2 / np.sqrt(8.0 * (1.0 + 1.0 / ratio))
+    return float((1.0 - share) * air / (1.0 - share + share * first) + share * vapour / (share + (1.0 - share) * second))
+
 
 # Air at 101 325 Pa as CoolProp 8.0.0 has it (HAPropsSI): degC, relative humidity, dew or frost point [K], humidity ratio [-]
 COOLPROP = [

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest, refuse_unknown
 from thermid.measure.amounts import amount
 from thermid.measure.record.channel import SAMPLES
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
@@ -73,9 +73,7 @@ def _one(key: str, given: object, where: str) -> Binding:
         return Binding(key, given, target=key)
     if not isinstance(given, Mapping):
         raise RecordError(f"{given!r} is neither the name of a column nor a table.", where)
-    for word in given:
-        if word not in _KEYS:
-            raise RecordError(f"no key '{word}'; there are {', '.join(_KEYS)}.{nearest(str(word), _KEYS)}", where)
+    refuse_unknown(given, _KEYS, where)
     for word in (*_ROLE_KEYS, "gain", "unit"):
         if word in given and not (isinstance(given[word], str) and given[word].strip()):
             raise RecordError(f"{word} = {given[word]!r} is no text.", where)

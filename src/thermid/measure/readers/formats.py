@@ -16,21 +16,19 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from importlib import import_module
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from thermid.errors import MissingDataError, RecordError, ThermidError
+from thermid.errors import RecordError, ThermidError
+from thermid.extensions import extension
 from thermid.measure.readers import binary
 from thermid.measure.readers.columns import name_and_unit, spelt
 from thermid.measure.readers.stamps import TIME_NAMES, stamp_seconds
 from thermid.measure.readers.textfile import MISSING, Cells, ChannelSeries, Layout, cells_of_text, decoded, is_number, merged, read_bytes
 from thermid.units import unit
 
-BENCH: Final = "thermid.acquire.benchlog"
-"""Module of the optional bench that reads its logs; the core names it and never imports it by itself."""
 _LINE: Final = re.compile(r"(?P<stamp>(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:[0-5]\d:[0-5]\d(?:[.,]\d+)?) -> ?(?P<text>.*)\Z")
 _PAIR: Final = re.compile(
     r"(?P<name>[A-Za-z_][\w .#-]*?)\s*(?:\((?P<inner>[^()]*)\)\s*)?[:=]\s*(?P<value>[+-]?\d+(?:\.\d+)?)\s*"
@@ -476,11 +474,6 @@ def _head(data: bytes) -> str:
     return data.decode("latin-1").removeprefix("\xef\xbb\xbf")
 
 
-def _begins(*words: str) -> Callable[[bytes], bool]:
-    """Return whether the first bytes of a file begin a text with one of some words."""
-    return lambda data: _head(data).startswith(words)
-
-
 def is_bench_log(data: bytes) -> bool:
     """Whether the first bytes of a file are those of a log of the bench."""
     head = data[:4096]
@@ -492,13 +485,9 @@ def _bench(data: bytes, file: str, separator: str | None) -> Cells:
 
     Raises
     ------
-    MissingDataError   When that package is not there.
+    ThermidError   When that package is not there.
     """
-    try:
-        reader = import_module(BENCH)
-    except ImportError:
-        raise MissingDataError(f"this is a log of the bench, and the package that reads it, {BENCH}, is not installed.", file) from None
-    cells: Cells = reader.bench_cells(data, file)
+    cells: Cells = extension("the log of a bench", file)(data, file)
     return cells
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thermid.arguments import takes_objects
-from thermid.errors import RecordError, ThermidError, nearest
+from thermid.errors import RecordError, ThermidError, refuse_unknown
 from thermid.files import LOG, replacing
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record import windows
@@ -98,9 +98,7 @@ class Record(Samples):
         RecordError   When a key is unknown or says something by half.
         """
         where = f"record '{self.name}', {name}"
-        for key in keys:
-            if key not in KEYS:
-                raise RecordError(f"no key '{key}'; there are {', '.join(KEYS)}.{nearest(key, KEYS)}", where)
+        refuse_unknown(keys, KEYS, where)
         certificate = SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
         channel, notes = with_sensor(self.channel(name), SensorPart.read(keys, where), certificate, where)
         return replace(self, channels={**self.channels, name: channel}, steps=(*self.steps, *notes))
@@ -382,8 +380,7 @@ class Record(Samples):
             if not isinstance(table, Mapping) or len(table) != 1:
                 raise RecordError(f"{table!r} is no step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
             ((name, given),) = table.items()
-            if name not in STEPS:
-                raise RecordError(f"no step '{name}'; there are {', '.join(STEPS)}.{nearest(str(name), STEPS)}", where)
+            refuse_unknown(table, STEPS, where, "step")
             options = _options(STEPS[name], given, f"{where}, {name}")
             try:
                 record = getattr(record, STEPS[name].method)(**options)
@@ -548,10 +545,7 @@ STEPS: Final = {
 def _options(step: Step, given: object, where: str) -> dict[str, object]:
     """Return the options of one step by name."""
     if isinstance(given, Mapping):
-        for key in given:
-            if key not in step.options:
-                listed = ", ".join(step.options) or "none"
-                raise RecordError(f"no option '{key}'; there are {listed}.{nearest(str(key), step.options)}", where)
+        refuse_unknown(given, step.options, where, "option")
         options = dict(given)
     elif given is True and step.required == 0:
         options = {}

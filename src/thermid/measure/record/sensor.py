@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.errors import RecordError, nearest
+from thermid.errors import RecordError, refuse_unknown
 from thermid.measure.amounts import amount
 from thermid.units import TEMPERATURE
 
@@ -148,9 +148,7 @@ class SensorPart:
 def _table(given: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
         raise RecordError(f"{given!r} is no table; it has {', '.join(keys)}.", where)
-    for key in given:
-        if key not in keys:
-            raise RecordError(f"no key '{key}'; there are {', '.join(keys)}.{nearest(str(key), keys)}", where)
+    refuse_unknown(given, keys, where)
     return given
 
 

@@ -1,4 +1,8 @@
-"""The sensor map: which ROM is which channel, and what its certificate says. Sensors answer in the order of their ROM, not of the wire."""
+"""What a user writes for the bench: the sensor map and the heater programme.
+
+The map says which ROM is which channel, and what its certificate says: sensors answer in the order of their ROM, not of the wire. The
+programme holds the duties of the heaters over time.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from thermid.acquire.wire import rom_is_good
-from thermid.errors import MissingDataError, RecordError, nearest
-from thermid.files import OWN, parse_toml, write_text
+from thermid.errors import MissingDataError, RecordError, refuse_unknown
+from thermid.files import OWN, parse_toml, was_read, write_text
+from thermid.measure.amounts import amount
 from thermid.measure.record.sensor import ICE, SensorCertificate
 
-_KEYS = ("rom", "note", "certificate")
+_SENSOR_KEYS = ("rom", "note", "certificate")
+_STEP_KEYS = ("at", "heater1", "heater2")
+_TOP = ("steps", "end", "title")
 _BROKEN = 5.0
 
 
@@ -45,6 +52,16 @@ class MappedSensor:
         return out
 
 
+def _content(place: Path, missing: str) -> dict[str, Any]:
+    """Return the content of a TOML file, or say what is missing."""
+    if not place.is_file():
+        raise MissingDataError(missing, str(place))
+    try:
+        return parse_toml(place.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordError(f"it is no TOML: {error}.", place.name) from None
+
+
 def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     """Return the sensors of a map file by their ROM.
 
@@ -54,12 +71,7 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
     """
     place = Path(path)
-    if not place.is_file():
-        raise MissingDataError("there is no such sensor map. `thermid log --identify` makes one.", str(place))
-    try:
-        content = parse_toml(place.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"it is no TOML: {error}.", place.name) from None
+    content = _content(place, "there is no such sensor map. `thermid log --identify` makes one.")
     tables = content.get("sensors")
     if not isinstance(tables, Mapping) or not tables or set(content) != {"sensors"}:
         raise RecordError('a sensor map has tables such as [sensors.T1] with rom = "28...", and nothing else.', place.name)
@@ -76,9 +88,7 @@ def _sensor(name: str, table: object, where: str) -> MappedSensor:
     """Return one sensor of the file."""
     if not isinstance(table, Mapping) or not isinstance(table.get("rom"), str):
         raise RecordError('it needs rom = "28...", 16 hexadecimal digits as the board sends them.', where)
-    for key in table:
-        if key not in _KEYS:
-            raise RecordError(f"no key '{key}'; there are {', '.join(_KEYS)}.{nearest(key, _KEYS)}", where)
+    refuse_unknown(table, _SENSOR_KEYS, where)
     rom = table["rom"].strip().upper()
     if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
         raise RecordError(f"ROM '{table['rom']}' is not 16 hexadecimal digits.", where)
@@ -119,3 +129,76 @@ def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
         del tables[name]  # the sensor has a new name
     tables[sensor.name] = table
     write_text(place, tomlkit.dumps(content), OWN)
+
+
+@dataclass(frozen=True)
+class Programme:
+    """Duties that hold from one time to the next.
+
+    Parameters
+    ----------
+    times : tuple of float            When each step begins. [s]
+    duties : tuple of pairs of int    Duties of both heaters. [0.1 %]
+    end : float or None               When heaters go off and the log ends. [s]
+    """
+
+    times: tuple[float, ...]
+    duties: tuple[tuple[int, int], ...]
+    end: float | None = None
+
+    @property
+    def heats(self) -> bool:
+        """Whether any of its steps turns a heater on."""
+        return any(any(pair) for pair in self.duties)
+
+    def at(self, seconds: float) -> tuple[int, int]:
+        """Return both duties at a time. [0.1 %]"""
+        if self.end is not None and seconds >= self.end:
+            return (0, 0)
+        now = [duty for time, duty in zip(self.times, self.duties, strict=True) if time <= seconds]
+        return now[-1] if now else (0, 0)
+
+
+def load_programme(path: str | Path) -> Programme:
+    """Return the programme of a file.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file.
+    RecordError        When it is no TOML, times do not increase, a duty is not 0 to 100 %, or a key is unknown.
+    """
+    place = Path(path)
+    content = _content(place, "there is no such heater programme.")
+    was_read(place)
+    refuse_unknown(content, _TOP, place.name)
+    steps = content.get("steps")
+    if not isinstance(steps, list) or not steps:
+        raise RecordError('a programme has steps = [{ at = "0 [s]", heater1 = "40 [%]" }, ...].', place.name)
+    times: list[float] = []
+    duties: list[tuple[int, int]] = []
+    held = (0, 0)
+    for k, step in enumerate(steps):
+        where = f"{place.name}, steps[{k}]"
+        if not isinstance(step, Mapping) or "at" not in step:
+            raise RecordError('a step needs a time: at = "10 [min]".', where)
+        refuse_unknown(step, _STEP_KEYS, where)
+        times.append(amount(step["at"], "s", f"{where}, at"))
+        if times[-1] < 0 or (k and times[-1] <= times[-2]):
+            raise RecordError(f"its time {times[-1]:g} s does not follow {times[-2] if k else 0:g} s.", where)
+        held = (_duty(step.get("heater1"), held[0], f"{where}, heater1"), _duty(step.get("heater2"), held[1], f"{where}, heater2"))
+        duties.append(held)
+    end = None if "end" not in content else amount(content["end"], "s", f"{place.name}, end")
+    if end is not None and end <= times[-1]:
+        raise RecordError(f"its end, {end:g} s, does not follow its last step, {times[-1]:g} s.", place.name)
+    return Programme(tuple(times), tuple(duties), end)
+
+
+def _duty(given: object, held: int, where: str) -> int:
+    """Return a duty, or the one before where none is given. [0.1 %]"""
+    if given is None:
+        return held
+    share = amount(given, "1", where)
+    if not 0 <= share <= 1:
+        hint = f" Write '{given} [%]'." if isinstance(given, (int, float)) and 1 < given <= 100 else ""
+        raise RecordError(f"{given!r} is not from 0 to 100 %.{hint}", where)
+    return round(share * 1000)
