@@ -361,7 +361,7 @@ def _single(network: Network, numbers: Numbers, given: Mapping[str, float]) -> d
     totals: dict[str, tuple[float, bool]] = {}
     for row in numbers.conductors:
         ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
-        fixed = row.law.linear or all(end in given for end in row.ends)
+        fixed = row.kernel.linear or all(end in given for end in row.ends)
         found = conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
         total, sure = totals.get(row.name, (0.0, True))
         totals[row.name] = (total + float(found[0]), sure and fixed)
