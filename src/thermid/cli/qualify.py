@@ -34,7 +34,7 @@ from thermid.judge.correlation import read_two
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
 from thermid.profile_runs.conduct import run_profile
-from thermid.profiles.number import SLOTS
+from thermid.profiles.number import typed
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.qualify import deliver as delivery
@@ -47,7 +47,7 @@ from thermid.reporting.pictures import trust
 from thermid.reporting.qualification.page import correlation_report, qualification_report
 from thermid.simulation.scenario_file import load_scenario
 from thermid.sourced import weigh
-from thermid.units import TEMPERATURE, counted
+from thermid.units import counted
 
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 
@@ -269,20 +269,8 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
         course = load_profile(standard)
     else:
         course = profile_of(standard, name, level=level)
-    numbers: dict[str, Any] = {k: _number(k, v) for k, v in pairs(change, "--set").items()}
+    numbers: dict[str, Any] = {k: typed(k, v) for k, v in pairs(change, "--set").items()}
     return course.with_(predicted=predicted, **numbers)
-
-
-def _number(name: str, text: str) -> str | float:
-    """Return a value in the usual unit where none is written."""
-    usual = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": "1"}
-    slot = SLOTS.get(name)
-    if slot == "1":
-        try:
-            return float(text)
-        except ValueError:
-            return text
-    return text if slot is None else with_unit(text, usual.get(slot, slot))
 
 
 def _object(course: ThermalProfile) -> dict[str, Any]:

@@ -42,6 +42,9 @@ SLOTS: Final[Mapping[str, str]] = {
 }
 """Numbers of a profile -> their unit."""
 
+USUAL: Final[Mapping[str, str]] = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h"}
+"""Unit of a number -> the one that a person means who writes none."""
+
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "stable": (),
     "starts": ("each", "first and last", "never"),
@@ -116,3 +119,15 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     if SLOTS[name] != TEMPERATURE and value < 0.0:
         raise ScenarioError(f"{spec!r} is below zero.", place)
     return Number(value, SLOTS[name], mark, clause, note)
+
+
+def typed(name: str, text: str) -> str | float:
+    """Return what a person wrote for a number of a profile, in its usual unit where there is none; a word as it is."""
+    slot = SLOTS.get(name)
+    try:
+        value = float(text)
+    except ValueError:
+        return text.strip()
+    if slot is None:
+        return text.strip()
+    return value if slot == "1" else f"{text.strip()} [{USUAL.get(slot, slot)}]"

@@ -19,7 +19,7 @@ from thermid.prediction.known import Known
 from thermid.prediction.predict import Band, foresee
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
-from thermid.profiles.number import SLOTS
+from thermid.profiles.number import typed
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.qualify.plan import load_plan
@@ -30,10 +30,6 @@ from thermid.simulation.transient import simulate
 from thermid.studio.curves import Window, thinned
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
-from thermid.units import TEMPERATURE
-
-USUAL = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h", "1": ""}
-"""Unit of a number that is typed without one."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +136,7 @@ def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
     if not isinstance(given, Mapping) or not all(isinstance(v, str) for v in given.values()):
         raise ScenarioError("numbers are texts by name.", course.title)
     predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
-    changed: dict[str, Any] = {str(k): _typed(str(k), v) for k, v in given.items() if v.strip()}
+    changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in given.items() if v.strip()}
     return found.with_(predicted=predicted, **changed)
 
 
@@ -164,17 +160,6 @@ def profile_object(found: ThermalProfile) -> dict[str, Any]:
         "trust": trust,
         "lacking": lacking,
     }
-
-
-def _typed(name: str, text: str) -> str | float:
-    """Return what was typed for a number, with its usual unit where none was."""
-    try:
-        value = float(text)
-    except ValueError:
-        return text.strip()
-    slot = SLOTS.get(name)
-    usual = USUAL.get(slot, slot) if slot is not None else ""
-    return f"{value!r} [{usual}]" if usual else value
 
 
 def _own(desk: Desk) -> Iterator[Course]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -95,3 +96,9 @@ def measured(campaign: Campaign) -> Campaign:
 
     verdicts = tuple(replace(v, prediction=as_measured(v.prediction)) for v in campaign.verdicts)
     return replace(campaign, stages={k: as_measured(c) for k, c in campaign.stages.items()}, verdicts=verdicts)
+
+
+def points_in(markup: str) -> int:
+    """Return how many points the lines and areas of a figure have, counted in what is drawn."""
+    paths = re.findall(r'class="(?:line|area)"[^>]* d="([^"]*)"', markup)
+    return sum(len(re.findall(r"-?\d+", part)) // 2 for path in paths for part in path.split("M"))

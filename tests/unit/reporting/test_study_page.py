@@ -27,6 +27,7 @@ from thermid.reporting.blocks.content import (
 )
 from thermid.reporting.pictures.chart import Area
 from thermid.reporting.pictures.figures import curve, curves
+from unit.reporting.conftest import points_in
 from webpage import without_script
 
 STUDY = Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml"
@@ -89,4 +90,4 @@ def test_curves_have_their_looks_and_say_where_they_leave(drawn: Plot) -> None:
         ("95 %", "--f-simulated", "band"),
     ]
     assert "84 °C at the end" in drawn.drawn.markup
-    assert drawn.drawn.points < 1000
+    assert 0 < points_in(drawn.drawn.markup) < 1000

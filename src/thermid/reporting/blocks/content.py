@@ -218,12 +218,10 @@ class Graphic:
     ----------
     markup : str                    An inline SVG.
     legend : tuple of LegendEntry   What the colours mean.
-    points : int                    How many points were drawn.
     """
 
     markup: str
     legend: tuple[LegendEntry, ...]
-    points: int
 
 
 @dataclass(frozen=True)

@@ -124,8 +124,8 @@ def number_text(value: float, step: float) -> str:
     return f"{value:z.{decimals}f}".replace("-", "\u2212")
 
 
-def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, str], size: tuple[float, float]) -> tuple[str, int]:
-    """Return panels one above the other over one x axis as an inline SVG, and how many points it has.
+def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, str], size: tuple[float, float]) -> str:
+    """Return panels one above the other over one x axis as an inline SVG.
 
     Parameters
     ----------
@@ -142,18 +142,16 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     limit = min(POINTS, MOST // max(len(every), 1))
     kept = _together(panels, limit)
     whole = height - 8.0 - bottom - gap * (len(panels) - 1)
-    top, points, out = 8.0, 0, []
+    top, out = 8.0, []
     for k, panel in enumerate(panels):
         tall = whole * panel.share / sum(p.share for p in panels)
         box = (left, top, width - left - right, tall)
-        drawn, count = _panel(panel, box, (x_low, x_high), f"{key}-{k}", limit, k == len(panels) - 1, kept)
-        out.append(drawn)
-        points += count
+        out.append(_panel(panel, box, (x_low, x_high), f"{key}-{k}", limit, k == len(panels) - 1, kept))
         top += tall + gap
     said = escape(f"{label}. {seen(panels, x_name, (float(min(x.min() for x in every)), float(max(x.max() for x in every))))}")
     end = f'<text x="{left + (width - left - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
     head = f'<svg class="plot" role="img" aria-label="{said}" viewBox="0 0 {width:g} {height:g}" data-unit="{escape(x_name[1])}"'
-    return f'{head} style="font-size:11px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>', points
+    return f'{head} style="font-size:11px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>'
 
 
 def _together(panels: Sequence[Panel], limit: int) -> dict[int, NDArray[np.int64]]:
@@ -200,7 +198,7 @@ def _panel(
     limit: int,
     last: bool,
     kept: Mapping[int, NDArray[np.int64]],
-) -> tuple[str, int]:
+) -> str:
     left, top, width, height = box
     found = [v[np.isfinite(v)] for line in p.lines for v in (line.y,)] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in found if v.size), max(float(v.max()) for v in found if v.size)
@@ -221,7 +219,7 @@ def _panel(
     name = ", ".join(t for t in (p.name, p.unit) if t)
     ends = " ".join(f"{v:.9g}" for v in (*x_ends, low, high))
     flat = "".join(f"M0 {scale.down(level)}h{GRID}" for level in p.levels)
-    markup = (
+    return (
         f'<g class="panel" data-box="{left:g} {top:.1f} {width:g} {height:.1f}" data-ends="{ends}" data-unit="{escape(p.unit)}">'
         f'<path class="grid" d="{rules}" style="fill:none;stroke:var(--f-grid,#e3e8ee)"/><g class="ticks">{"".join(texts)}</g>'
         f'<text transform="translate(11 {middle:.1f})rotate(-90)" text-anchor="middle">{escape(name)}</text>'
@@ -229,12 +227,11 @@ def _panel(
         f'<g class="view" transform="translate({left:g} {top:.1f})scale({width / GRID:.7g} {height / GRID:.7g})" '
         'style="fill:none;stroke-linejoin:round;stroke-linecap:round">'
         + (f'<path d="{flat}" vector-effect="non-scaling-stroke" style="stroke:var(--f-soft,#556172);stroke-width:.8"/>' if flat else "")
-        + "".join(m for m, _ in shapes)
+        + "".join(shapes)
         + f'</g></g><path d="M{left:g} {top:.1f}v{height:.1f}h{width:g}" style="fill:none;stroke:var(--f-soft,#556172);stroke-width:.8"/>'
         + "".join(_leaving(p, box, x_ends))
         + "</g>"
     )
-    return markup, sum(count for _, count in shapes)
 
 
 def _text(x: float, y: float, anchor: str, text: str) -> str:
@@ -271,8 +268,8 @@ def _stretches(line: Stroke) -> Iterator[NDArray[np.int64]]:
     yield from (at for at in np.split(good, holes) if at.size)
 
 
-def _line(line: Stroke, scale: _Scale, limit: int, kept: NDArray[np.int64] | None) -> tuple[str, int]:
-    path, points = [], 0
+def _line(line: Stroke, scale: _Scale, limit: int, kept: NDArray[np.int64] | None) -> str:
+    path = []
     whole = max(line.x.size, 1)
     for at in _stretches(line):
         if kept is None:
@@ -280,25 +277,23 @@ def _line(line: Stroke, scale: _Scale, limit: int, kept: NDArray[np.int64] | Non
         else:
             keep = np.unique(np.concatenate([at[[0, -1]], at[np.isin(at, kept)]]))
         path.append(_moves(scale.across(line.x[keep]), scale.down(line.y[keep])))
-        points += int(keep.size)
     variable, colour = line.colour
     dash = f";stroke-dasharray:{line.dash}" if line.dash else ""
     less = f' data-less="{escape(json.dumps(line.less))}"' if line.less else ""
     style = f"stroke:var({variable},{colour});stroke-width:{line.width:g}{dash}"
     return (
-        f'<path class="line" data-n="{escape(line.label)}"{less} d="{"".join(path)}" vector-effect="non-scaling-stroke" style="{style}"/>',
-        points,
+        f'<path class="line" data-n="{escape(line.label)}"{less} d="{"".join(path)}" vector-effect="non-scaling-stroke" style="{style}"/>'
     )
 
 
-def _area(area: Area, scale: _Scale, limit: int) -> tuple[str, int]:
+def _area(area: Area, scale: _Scale, limit: int) -> str:
     keep = np.union1d(thinned(area.low, limit // 2), thinned(area.high, limit // 2))
     x = scale.across(area.x[keep])
     there, back = scale.down(area.high[keep]), scale.down(area.low[keep])
     path = _moves(np.concatenate([x, x[::-1]]), np.concatenate([there, back[::-1]]))
     variable, colour = area.colour
     style = f"fill:var({variable},{colour});fill-opacity:.24"
-    return f'<path class="area" data-n="{escape(area.label)}" d="{path}z" style="{style}"/>', 2 * int(keep.size)
+    return f'<path class="area" data-n="{escape(area.label)}" d="{path}z" style="{style}"/>'
 
 
 def _leaving(p: Panel, box: tuple[float, float, float, float], x_ends: tuple[float, float]) -> Iterator[str]:

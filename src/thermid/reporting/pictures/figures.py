@@ -118,11 +118,11 @@ def compared(
             below, "K", [Stroke("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)
         ),
     ]
-    markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
+    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
     entries = [LegendEntry("measured", "--f-measured", width=4), LegendEntry("simulated", "--f-simulated", width=2)]
     entries.append(LegendEntry("measured less simulated", "--f-residual", width=1.4))
     entries += [LegendEntry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
-    return Graphic(markup, tuple(entries), points)
+    return Graphic(markup, tuple(entries))
 
 
 def trace(block: SensorTrace, key: str, label: str) -> Graphic:
@@ -161,7 +161,7 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
     out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
     out += [f'<text x="{place(t):.1f}" y="{bottom + 15:.0f}" text-anchor="middle">{number_text(t, ticks[1])}</text>' for t in ticks]
-    points, said = 0, []
+    said = []
     for k, line in enumerate(lines):
         middle = 8.0 + row * (k + 0.5)
         name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
@@ -177,7 +177,6 @@ def overview(lines: Sequence[Dots]) -> Graphic:
             if values.size > 1:
                 median = f"M{place(float(np.median(values))):.1f} {middle + row * shift - 8:.1f}v16"
                 out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
-            points += int(values.size)
         highest_here = max((v for values in line.values.values() for v in values), default=0.0)
         said.append(
             f"{line.label}{', held out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
@@ -192,7 +191,7 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     entries = [LegendEntry(s, f"--s{m % len(SERIES)}", "", MARKS[m % len(MARKS)]) for m, s in enumerate(sensors)]
     if any(len(values) > 1 for line in lines for values in line.values.values()):
         entries.append(LegendEntry("median", "--f-ink", "", "❙"))
-    return Graphic(markup, tuple(entries), points)
+    return Graphic(markup, tuple(entries))
 
 
 def _cut(text: str) -> str:
@@ -210,8 +209,8 @@ def prediction(solution: Solution, key: str, label: str) -> Graphic:
         name = f"{node} {celsius[-1]:.1f} °C"
         lines.append(Stroke(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
         entries.append(LegendEntry(name, f"--s{n}", dash))
-    markup, points = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
-    return Graphic(markup, tuple(entries), points)
+    markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
+    return Graphic(markup, tuple(entries))
 
 
 STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
@@ -269,12 +268,12 @@ def curves(
     panels = [_axes(names[0], lines, length, areas, top, 2.2)]
     if below:
         panels.append(_axes(names[1], below, length))
-    markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
+    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
     seen = {c.label: c for c in (*lines, *below)}
     entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in seen.items()]
     if band is not None:
         entries.append(LegendEntry(band.label, "--f-simulated", "band"))
-    return Graphic(markup, tuple(entries), points)
+    return Graphic(markup, tuple(entries))
 
 
 def _axes(

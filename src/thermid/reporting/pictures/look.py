@@ -233,7 +233,7 @@ class Look:
 def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:
     """Return a picture that stands by itself: white, with a title and a legend above the axes."""
     wide, tall = 760.0, 170.0 + 130.0 * len(panels)
-    markup, _ = chart(panels, key="look", label=f"Log {name}", x_name=("time", unit_name), size=(wide, tall))
+    markup = chart(panels, key="look", label=f"Log {name}", x_name=("time", unit_name), size=(wide, tall))
     across = [(52.0 + 176.0 * (k % 4), 44.0 + 18.0 * (k // 4)) for k in range(len(legend))]
     entries = "".join(
         f'<path d="M{x:g} {y - 4:g}h22" style="stroke:{colour};stroke-width:2;stroke-dasharray:{dash or "none"}"/>'
