@@ -12,8 +12,7 @@ from thermid.errors import ScenarioError
 from thermid.files import PICTURE, TABLE
 from thermid.model.deck.modelfile import load_model
 from thermid.profile_runs.conduct import run_profile
-from thermid.profiles.number import SLOTS
-from thermid.profiles.profile import ThermalProfile
+from thermid.profiles.profile import SLOTS, ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.reporting.pictures import trust
 from thermid.simulation.scenario_file import load_scenario

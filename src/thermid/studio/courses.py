@@ -10,8 +10,7 @@ from typing import Any
 from thermid.errors import NameNotFoundError, ScenarioError, ThermidError, nearest
 from thermid.judge.limits import Limits, read_limits
 from thermid.network.network import compile_network
-from thermid.profiles.number import SLOTS
-from thermid.profiles.profile import ThermalProfile
+from thermid.profiles.profile import SLOTS, ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
