@@ -93,7 +93,7 @@ from thermid.physics.htc import HtcComparison as HtcComparison
 from thermid.physics.htc import compare_htc as compare_htc
 from thermid.power.history import PowerHistory as PowerHistory
 from thermid.power.history import PowerLaw as PowerLaw
-from thermid.power.inverse import power_history as power_history
+from thermid.power.history import power_history as power_history
 from thermid.prediction.budget import Spread as Spread
 from thermid.prediction.known import Known as Known
 from thermid.prediction.predict import Foresight as Foresight
@@ -111,9 +111,9 @@ from thermid.profiles.standards import profile_names as profile_names
 from thermid.profiles.standards import profile_of as profile_of
 from thermid.qualify.deliver import check_delivery as check_delivery
 from thermid.qualify.deliver import deliver as deliver
-from thermid.qualify.lock import lock_plan as lock_plan
 from thermid.qualify.plan import Plan as Plan
 from thermid.qualify.plan import load_plan as load_plan
+from thermid.qualify.plan import lock_plan as lock_plan
 from thermid.qualify.programme import Qualification as Qualification
 from thermid.qualify.programme import run_plan as run_plan
 from thermid.reduction.macro import assumed as assumed

@@ -43,7 +43,7 @@ NO_INPUT = {
     "thermid.model.deck.save": "a deck may be changed in its place",
     "thermid.cli.qualify": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
-    "thermid.qualify.lock": "the lock is carried on",
+    "thermid.qualify.plan": "the lock is carried on",
     "thermid.reporting.blocks.extras": "templates of the package, and what the browser printed",
     "thermid.studio.server": "scripts of the package",
 }

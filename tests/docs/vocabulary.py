@@ -28,8 +28,7 @@ from thermid.model.deck import schema
 from thermid.model.laws.signal import Sine, TableSignal
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS
-from thermid.profiles.number import SLOTS, WORDS
-from thermid.profiles.profile import STEP_KEYS
+from thermid.profiles.profile import SLOTS, STEP_KEYS, WORDS
 from thermid.profiles.standards import KEYS
 from thermid.qualify import plan_schema
 from thermid.site import pad, surroundings

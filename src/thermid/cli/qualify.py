@@ -34,12 +34,10 @@ from thermid.judge.correlation import read_two
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
 from thermid.profile_runs.conduct import run_profile
-from thermid.profiles.number import typed
-from thermid.profiles.profile import ThermalProfile
+from thermid.profiles.profile import ThermalProfile, typed
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.qualify import deliver as delivery
-from thermid.qualify.lock import lock_plan, lock_status
-from thermid.qualify.plan import load_plan
+from thermid.qualify.plan import load_plan, lock_plan, lock_status
 from thermid.qualify.programme import run_plan
 from thermid.qualify.trial import pre_test
 from thermid.reporting.pages.views import clean

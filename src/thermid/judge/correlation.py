@@ -23,7 +23,7 @@ from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.record.channel import gap_from, usual_step
 from thermid.model.parts.parameter import UNJUDGED, Standing
-from thermid.sourced import weigh
+from thermid.sourced import VERDICTS, weigh
 
 Window = tuple[float, float]
 ENDS = 2.0
@@ -211,10 +211,9 @@ class Correlation:
 
     def __str__(self) -> str:
         """Return deviations and verdicts as text."""
-        words = {True: "met", False: "NOT met", None: "not decided"}
         lines = [self.title, *(f"  {d}" for d in self.deviations)]
         for name, passed in self.verdicts.items():
-            lines.append(f"  {name}: {words[passed]}")
+            lines.append(f"  {name}: {VERDICTS[passed]}")
             lines += [f"    {g}" for g in self.gates if g.criteria == name]
         return self.standing.over("\n".join(lines))
 

@@ -94,9 +94,9 @@ class Timeline:
         # a stretch is looked at beyond its end; the whole course, without a tail, is refused where a signal ends before it
         base = base.mapped(lambda s: s.held_on()) if tail else base
         changes: dict[str, Any] = {}
-        chamber = _straight(self.times, [s.chamber for s in self.states])
+        chamber = _course_of(self.times, [s.chamber for s in self.states])
         changes["boundaries"] = {name: chamber for name in bench.chamber}
-        changes |= bench.switched(base, _steps(self.times, [float(s.power) for s in self.states]))
+        changes |= bench.switched(base, _course_of(self.times, [float(s.power) for s in self.states], stepped=True))
         if self.states[0].pressure is not None:
             thin = _by_factors(self.times, [s.pressure or 0.0 for s in self.states], bench.ground)
             changes["environment"] = {gas: replace(base.environment.get(gas, Environment()), pressure=thin) for gas in bench.gases}
@@ -105,23 +105,18 @@ class Timeline:
     def humidity(self) -> Signal | None:
         """Return the relative humidity over the course, or None where nothing is said. [-]"""
         known = [s.humidity for s in self.states]
-        return None if any(h is None for h in known) else _straight(self.times, [float(h or 0.0) for h in known])
+        return None if any(h is None for h in known) else _course_of(self.times, [float(h or 0.0) for h in known])
 
 
-def _straight(times: tuple[float, ...], values: list[float]) -> Signal:
-    if len(set(values)) == 1:
-        return Constant(values[0])
-    t, v = np.array(times), np.array(values)
-    keep = np.append(np.diff(t) > 0.0, True)
-    return TableSignal(t[keep], v[keep], after="hold")
-
-
-def _steps(times: tuple[float, ...], values: list[float]) -> Signal:
+def _course_of(times: tuple[float, ...], values: list[float], *, stepped: bool = False) -> Signal:
+    """Return values at the ends of stretches as a signal that runs straight between them, or jumps; of two at one time the later holds."""
     if len(set(values)) == 1:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)
     keep = np.append(np.diff(t) > 0.0, True)
     t, v = t[keep], v[keep]
+    if not stepped:
+        return TableSignal(t, v, after="hold")
     change = np.append(True, np.diff(v) != 0.0)
     return TableSignal(t[change], v[change], hold=True)
 
@@ -246,6 +241,10 @@ class Leg:
         outer = [float(self.wiring.boundary(b, now, self.assembled.offsets)[0]) for b in rows]
         powers = self.engine.powers(self.assembled, np.ascontiguousarray([[*state, *outer]]), now)
         return float(sum(abs(p[0]) for p in powers.values()))
+
+    def chamber_at(self, time: float) -> float:
+        """Return the temperature of the chamber at a time from the beginning. [K]"""
+        return float(self.wiring.boundary(self.bench.chamber[0], np.array([self.begin + time]), self.assembled.offsets)[0])
 
     def steady(self, names: tuple[str, ...]) -> Mapping[str, float] | None:
         """Return where nodes settle under what is held, or None where nothing settles. [K]"""
@@ -686,12 +685,11 @@ class _Course:
 
     def _note(self, step: ProfileStep, leg: Leg, final: Array, span: float, kind: str, rule: str, slowest: str, rate: float) -> None:
         """Write a phase down: what moved, what is left to go."""
-        after = self.now if kind != "way" else None
         kelvin = leg.named(final[None, :], self.watch, np.array([span]))[0]
         steady = leg.steady(self.watch) if kind != "way" else None
         to_go = {n: steady[n] - float(t) for n, t in zip(self.watch, kelvin, strict=True)} if steady else {}
         furthest = max(to_go, key=lambda n: abs(to_go[n])) if to_go else ""
-        chamber = (after or leg_end(leg, self.bench, span)).chamber
+        chamber = self.now.chamber if kind != "way" else leg.chamber_at(span)
         base = float(leg.named(final[None, :], (self.base,), np.array([span]))[0, 0]) if self.base else None
         self.phases.append(
             Phase(
@@ -710,12 +708,6 @@ class _Course:
                 base,
             )
         )
-
-
-def leg_end(leg: Leg, bench: ChamberSetup, span: float) -> ChamberConditions:
-    """Return the temperature of the chamber at the end of a way."""
-    kelvin = leg.wiring.boundary(bench.chamber[0], np.array([leg.begin + span]), leg.assembled.offsets)
-    return ChamberConditions(float(kelvin[0]), True)
 
 
 def _finished(course: _Course, every: str | float, told: Callable[[int, int, float], None] | None) -> ProfileRun:

@@ -12,8 +12,7 @@ from typing import Any, Final
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest
 from thermid.measure.record.steadiness import rule_of
-from thermid.profiles.number import SLOTS, WORDS, Number, number
-from thermid.profiles.profile import KINDS, ThermalProfile, pair_of
+from thermid.profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, pair_of
 from thermid.toml_files import read_toml
 
 LIBRARY: Final = Path(__file__).parent / "library"

@@ -20,8 +20,7 @@ from thermid.model.tree.tree import parameter_table
 from thermid.prediction.budget import SILENT, UNFITTED, assumed_values
 from thermid.prediction.known import Known
 from thermid.prediction.predict import IN_TESTS, Foresight, widened
-from thermid.qualify.lock import LockStatus, lock_status, note_look
-from thermid.qualify.plan import Plan, load_plan
+from thermid.qualify.plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify.trial import Trial, run_test
 from thermid.simulation.simulator import prepare
 from thermid.sourced import weigh

@@ -19,8 +19,7 @@ from thermid.prediction.known import Known
 from thermid.prediction.predict import Band, foresee
 from thermid.profile_runs.conduct import run_profile
 from thermid.profile_runs.profile_run import ProfileRun
-from thermid.profiles.number import typed
-from thermid.profiles.profile import ThermalProfile
+from thermid.profiles.profile import ThermalProfile, typed
 from thermid.profiles.standards import load_profile, profile_names, profile_of
 from thermid.qualify.plan import load_plan
 from thermid.qualify.trial import run_test

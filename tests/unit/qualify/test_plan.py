@@ -10,8 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.qualify.lock import lock_plan, lock_status, note_look
-from thermid.qualify.plan import load_plan
+from thermid.qualify.plan import load_plan, lock_plan, lock_status, note_look
 from thermid.qualify.programme import run_plan
 from unit.qualify.project import PLAN, measured, project, with_log
 
