@@ -16,7 +16,7 @@ from thermid.expression import parse
 from thermid.files import was_read
 from thermid.measure.readers.plain import read_plain
 from thermid.measure.record.channel import FloatArray
-from thermid.units import TEMPERATURE, require
+from thermid.units import TEMPERATURE, require_unit
 
 if TYPE_CHECKING:
     import pandas
@@ -320,7 +320,7 @@ def _seconds(value: str | float, where: str) -> float:
     literal = parse(value).literal
     if literal is None:
         raise RecordError(f"'{value}' is no time; write it as '2 [h]'.", where)
-    require(literal.unit.dimension, "s", literal.unit.text, literal.unit.absolute)
+    require_unit(literal.unit, "s")
     return float(literal.value)
 
 
