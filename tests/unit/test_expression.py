@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 import re
 import sys
@@ -15,9 +16,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thermid.dual import Dual
+import thermid as td
+from thermid.dual import Dual, gradient_of, value_of
 from thermid.errors import ExpressionError, UnitError
 from thermid.expression import parse
+from thermid.model.tree.tree import ParameterSet
 from thermid.units import unit
 
 NUMBERS = st.one_of(
@@ -246,3 +249,102 @@ def test_nothing_is_evaluated_by_reading() -> None:
 def test_a_decimal_comma_is_shown_with_a_point(text: str) -> None:
     with pytest.raises(ExpressionError, match=rf"numbers have a decimal point here, '{re.escape(text.replace(',', '.'))}'"):
         parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("sqrt(2)", math.sqrt(2)),
+        ("exp(-1.5)", math.exp(-1.5)),
+        ("abs(1 - 3) [m]", 2.0),
+        ("min(3, 2, 5) [W]", 2.0),
+        ("max(3, 2, 5)", 5.0),
+        ("pi/4*0.02**2 [m^2]", math.pi / 4 * 0.02**2),
+    ],
+)
+def test_functions_of_pure_numbers(text: str, value: float) -> None:
+    literal = parse(text).literal
+    assert literal is not None
+    assert literal.value == pytest.approx(value, rel=1e-15)
+
+
+FORMULAS = [
+    ("pi*x**2", lambda x, y: math.pi * x**2),
+    ("sqrt(x*y)", lambda x, y: (x * y) ** 0.5),
+    ("exp(-x/y)", lambda x, y: np.exp(-x / y)),
+    ("abs(x - y)", lambda x, y: (x - y) if x.real > y.real else y - x),
+    ("min(x, 2*y, 3 [m])", lambda x, y: min(x, 2 * y, 3.0, key=np.real)),
+    ("max(x, y) + 20 [cm]", lambda x, y: max(x, y, key=np.real) + 0.2),
+    ("x - 2 [mm] + 1e-3 [m]*y/y", lambda x, y: x - 2e-3 + 1e-3),
+]
+
+
+@pytest.mark.parametrize(("text", "formula"), FORMULAS)
+@pytest.mark.parametrize(("x", "y"), [(0.7, 0.2), (0.2, 0.7), (5.0, 4.0)])
+def test_functions_and_their_derivatives(text: str, formula: Callable[..., Any], x: float, y: float) -> None:
+    """Against complex steps of the formula; in arrays as in single numbers."""
+    read = parse(text)
+    assert read.names == tuple(n for n in ("x", "y") if n in text.replace("max", "").replace("exp", ""))
+    values = {"x": Dual(x, np.array([1.0, 0.0])), "y": Dual(y, np.array([0.0, 1.0]))}
+    found = read.evaluate(values.__getitem__)
+    step = 1e-30
+    slopes = [formula(complex(x, step), complex(y)).imag / step, formula(complex(x), complex(y, step)).imag / step]
+    assert value_of(found) == pytest.approx(formula(complex(x), complex(y)).real, rel=1e-14)
+    np.testing.assert_allclose(gradient_of(found, 2), slopes, rtol=1e-12, atol=1e-15)
+    arrays = read.evaluate({"x": np.array([x, y]), "y": np.array([y, y])}.__getitem__)
+    assert arrays[0] == pytest.approx(value_of(found), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("exp(x)", r"exp\(\) takes a plain number; 'x' is a length"),
+        ("min(x, p)", r"'min\(x, p\)' compares a length and a power"),
+        ("x + 2 [W]", "adds a length and a power"),
+    ],
+)
+def test_dimensions_of_functions(text: str, message: str) -> None:
+    of = {"x": unit("m").dimension, "p": unit("W").dimension}
+    with pytest.raises(ExpressionError, match=message):
+        parse(text).dimension(of.__getitem__)
+    assert parse("sqrt(x*x)").dimension(of.__getitem__) == of["x"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("min(x)", r"min\(\) takes two values or more; it has 1"),
+        ("sqrt(x, 2)", r"sqrt\(\) takes one value; it has 2"),
+        ("sqrt(x=2)", "it runs no code"),
+        ("x.sqrt(2)", "it runs no code"),
+        ("t + 20 [degC]", r"'20 \[degC\]' could be a temperature or a difference\. Write it in \[K\]"),
+        ("in__word.x + 1", "it runs no code"),
+        ("__quantity0*x + 2 [m]", "it runs no code"),
+        ("exp(1000)", "has no finite value"),
+        ("sqrt(-1)", "has no finite value"),
+    ],
+)
+def test_functions_refused(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError, match=message):
+        parse(text)
+
+
+def test_nodes_may_be_called_as_words_of_the_language() -> None:
+    """A duct has `in` and `from`; they stand in paths, where no word of the language can be meant."""
+    deck = {
+        "title": "duct",
+        "needs": ["room"],
+        "parameters": {"heat": "2*in.capacitance"},
+        "nodes": {"in": {"capacitance": "10 [J/K]"}, "from": {"capacitance": "heat + 1 [J/K]"}},
+        "conductors": {
+            "wall": {"kind": "conduction", "between": ["in", "from"], "conductance": "1 [W/K]"},
+            "film": {"kind": "convection", "between": ["from", "room"], "htc": "5 [W/(m^2 K)]", "area": "pi/4*(0.2)**2*side"},
+        },
+    }
+    deck["parameters"]["side"] = "2 [m^2]"  # type: ignore[index]
+    model = td.model_from_dict(deck)
+    assert ParameterSet(model).evaluate({})["from.capacitance"] == pytest.approx(21.0)
+    moved = model.with_values({"in.capacitance": "30 [J/K]"})
+    assert ParameterSet(moved).evaluate({})["from.capacitance"] == pytest.approx(61.0)
+    settled = td.steady(moved, td.Scenario(boundaries={"room": "20 [degC]"}))
+    assert settled["from"] == pytest.approx(293.15)

@@ -10,7 +10,7 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError
-from thermid.expression import NAME
+from thermid.expression import NAME, RESERVED
 from thermid.model.tree.identity import definition_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import TABLES, Submodel
@@ -133,7 +133,7 @@ def _check_names(model: Model) -> None:
     for name, key, what in given:
         if not NAME.match(name) or "." in name:
             raise DeckError(f"'{name}' is no name: letters, digits and _ only, not starting with a digit.", model.where(key))
-        if iskeyword(name) or name == "inf":
+        if name in model.parameters and (iskeyword(name) or name in RESERVED):
             raise DeckError(f"'{name}' is a word that expressions cannot hold as a name. Choose another one.", model.where(key))
         if name in seen:
             raise DeckError(f"'{name}' is already the name of {seen[name]}. A model has one namespace.", model.where(key))
