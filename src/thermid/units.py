@@ -252,6 +252,17 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
         raise UnitError(f"'[{given}]' is a temperature on the scale; a difference is needed here. Write it in [K].")
 
 
+@lru_cache(maxsize=512)
+def require_unit(of: Unit, slot: str) -> None:
+    """Check the unit that a number was written in against a slot; one that fits is looked at once.
+
+    Raises
+    ------
+    UnitError   As `require`.
+    """
+    require(of.dimension, slot, of.text, of.absolute)
+
+
 def to_si(value: Fraction, of: Unit) -> float:
     """Return an exact number of some unit as an SI float, rounded once."""
     return float(value * of.factor + of.offset)

@@ -7,7 +7,7 @@ from math import floor, isfinite, log10
 
 from thermid.errors import RecordError, ThermidError
 from thermid.expression import parse
-from thermid.units import format_value, require
+from thermid.units import format_value, require_unit
 
 
 def amount(given: object, slot: str, what: str) -> float:
@@ -31,7 +31,7 @@ def amount(given: object, slot: str, what: str) -> float:
             literal = parse(given).literal
             if literal is None:
                 raise RecordError(f"'{given}' is no number. Write a number with its unit, such as '4 [s]'.")
-            require(literal.unit.dimension, slot, literal.unit.text, literal.unit.absolute)
+            require_unit(literal.unit, slot)
         except ThermidError as error:
             raise error.located(what) from None
         value = literal.value

@@ -22,7 +22,7 @@ from thermid.physics.plates import (
     vertical_plate_htc_all,
 )
 from thermid.physics.radiation import linearised_htc
-from thermid.units import TEMPERATURE, require
+from thermid.units import TEMPERATURE, require_unit
 
 LAMINAR_LIMIT = 1e9
 CORRELATION_ERROR = 0.15
@@ -258,7 +258,7 @@ def _number(value: str | float, slot: str, name: str) -> float:
         literal = parse(value).literal
         if literal is None:
             raise ThermidError(f"'{value}' must be a number with a unit.")
-        require(literal.unit.dimension, slot, literal.unit.text, literal.unit.absolute)
+        require_unit(literal.unit, slot)
     except ThermidError as error:
         raise error.located(name) from None
     return literal.value

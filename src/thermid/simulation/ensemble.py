@@ -22,8 +22,8 @@ from thermid.model.laws.signal import Constant
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.extremes import MemberTurnings, signal_turnings
-from thermid.simulation.solver.problem import Options
+from thermid.simulation.solver.extremes import MemberTurnings
+from thermid.simulation.solver.problem import Options, signal_turnings
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 

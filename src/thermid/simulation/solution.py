@@ -21,8 +21,8 @@ from thermid.network.network import Network
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import correlation
 from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above, signal_turnings
-from thermid.simulation.solver.problem import Answer, Options, Traces, break_times, left_tables, read_nodes
+from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
+from thermid.simulation.solver.problem import Answer, Options, Traces, break_times, left_tables, read_nodes, signal_turnings
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 if TYPE_CHECKING:

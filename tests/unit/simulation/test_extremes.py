@@ -19,7 +19,8 @@ from thermid.model.laws.signal import TableSignal
 from thermid.monte_carlo.hold import hold
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Trace
-from thermid.simulation.solver.extremes import first_above, resolved, signal_turnings
+from thermid.simulation.solver.extremes import first_above, resolved
+from thermid.simulation.solver.problem import signal_turnings
 
 PEAK = 20.0 + 50.0 * (1.0 - np.exp(-1.2))
 """End of a pulse: 50 W for 12 s into 10 J/K with 1 W/K to 20 degC. [degC]"""

@@ -16,7 +16,7 @@ import numpy as np
 from thermid.errors import ScenarioError, ThermidError
 from thermid.expression import parse
 from thermid.linear_algebra import Array
-from thermid.units import require
+from thermid.units import require, require_unit
 from thermid.units import unit as read_unit
 
 Span = tuple[float, float]
@@ -744,7 +744,7 @@ def literal(text: str | float, slot: str, where: str = "") -> float:
         expression = parse(text if isinstance(text, str) else repr(float(text)))
         if expression.literal is None:
             raise ScenarioError(f"'{text}' must be a number with a unit; names have no value here.")
-        require(expression.literal.unit.dimension, slot, expression.literal.unit.text, expression.literal.unit.absolute)
+        require_unit(expression.literal.unit, slot)
         return expression.literal.value
     except ThermidError as error:
         raise error.located(where) from None

@@ -20,7 +20,7 @@ from thermid.model.parts.kinds import KINDS, Law
 from thermid.model.parts.takes import Take
 from thermid.model.tree.tree import Names, ParameterSet, Tree
 from thermid.physics.gas import GASES
-from thermid.units import require
+from thermid.units import require, require_unit
 
 BALANCED: Final = 1e-3
 """Share of a node's flow that may be missing: flows are written with three digits or more. [-]"""
@@ -350,7 +350,10 @@ def _require(parameters: ParameterSet, path: str, slot: str) -> None:
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
     try:
-        require(parameters.dimension(path), slot, literal.unit.text if literal else "", bool(literal and literal.unit.absolute))
+        if literal is not None:
+            require_unit(literal.unit, slot)
+        else:
+            require(parameters.dimension(path), slot)
     except ThermidError as error:
         raise error.located(entry.where) from None
     if literal is not None and slot == "m^2" and literal.value < 0:

@@ -20,10 +20,9 @@ from thermid.model.laws.signal import Constant, Sine, TableSignal
 from thermid.network.network import held_in, unreached
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import MEAN, STEADY
-from thermid.simulation.solver.extremes import by_column
 from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large import integrate_model, refusal, settle_model
-from thermid.simulation.solver.problem import Answer, KernelProblem, Options, ints, unsettled
+from thermid.simulation.solver.problem import Answer, KernelProblem, Options, by_column, ints, unsettled
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.linear_algebra import Array
-from thermid.model.laws.signal import Drawn
 from thermid.physics.constants import ICE_POINT
 
 PIECES = 16
@@ -186,28 +184,3 @@ def first_above(times: Array, above: Array, dense: Callable[[Array], Array] | No
         return float(times[0])
     low, high = above[k - 1], above[k]
     return float(times[k - 1] - low / (high - low) * (times[k] - times[k - 1]))
-
-
-def by_column(found: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
-    """Return the turning points of each of `count` columns, from those of all, in order of columns and times.
-
-    Parameters
-    ----------
-    found : columns, times [s] and temperatures [K], each (points,)
-    """
-    columns, times, kelvin = found
-    ends = np.searchsorted(columns, np.arange(count + 1))
-    return tuple(Turnings(times[i:j], kelvin[i:j]) for i, j in pairwise(ends))
-
-
-def signal_turnings(given: Drawn, end: float, offset: float) -> Turnings:
-    """Return the turning points of a boundary from zero to `end` [s]: knots where its signal turns, and those of a sine.
-
-    Parameters
-    ----------
-    given : Drawn       [K]
-    end : float         [s]
-    offset : float      A constant beside it. [K]
-    """
-    times = given.turns(end)
-    return Turnings(times, given.at(times) + offset)

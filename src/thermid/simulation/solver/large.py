@@ -14,9 +14,20 @@ import numpy as np
 from thermid import _kernel
 from thermid.errors import SolverError
 from thermid.linear_algebra import Array, Ints
-from thermid.simulation.solver.extremes import Turnings, by_column
+from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.large_steady import settle_large
-from thermid.simulation.solver.problem import MAY_HAVE_LEFT, NEAR, UNSOLVED, Answer, KernelProblem, Options, limits, runs_away, unsolved
+from thermid.simulation.solver.problem import (
+    MAY_HAVE_LEFT,
+    NEAR,
+    UNSOLVED,
+    Answer,
+    KernelProblem,
+    Options,
+    by_column,
+    limits,
+    runs_away,
+    unsolved,
+)
 from thermid.simulation.solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 from thermid.simulation.solver.wiring import Assembled, PlacedConductor
 

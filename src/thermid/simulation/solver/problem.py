@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -152,6 +153,31 @@ class Answer:
         for time, row, state in reversed(self.switched):
             out[times < time, row] = 1 - state
         return out
+
+
+def by_column(found: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
+    """Return the turning points of each of `count` columns, from those of all, in order of columns and times.
+
+    Parameters
+    ----------
+    found : columns, times [s] and temperatures [K], each (points,)
+    """
+    columns, times, kelvin = found
+    ends = np.searchsorted(columns, np.arange(count + 1))
+    return tuple(Turnings(times[i:j], kelvin[i:j]) for i, j in pairwise(ends))
+
+
+def signal_turnings(given: Drawn, end: float, offset: float) -> Turnings:
+    """Return the turning points of a boundary from zero to `end` [s]: knots where its signal turns, and those of a sine.
+
+    Parameters
+    ----------
+    given : Drawn       [K]
+    end : float         [s]
+    offset : float      A constant beside it. [K]
+    """
+    times = given.turns(end)
+    return Turnings(times, given.at(times) + offset)
 
 
 LARGE_FROM: Final = 500

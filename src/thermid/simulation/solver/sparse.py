@@ -15,8 +15,8 @@ from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn
 from thermid.network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
-from thermid.simulation.solver.extremes import Turnings, signal_turnings
-from thermid.simulation.solver.problem import kernel_input
+from thermid.simulation.solver.extremes import Turnings
+from thermid.simulation.solver.problem import kernel_input, signal_turnings
 
 NONE = -1
 
