@@ -5,10 +5,10 @@
 A constant is a number in the source of fit, prediction, explain, judge and qualify: of a module-level name, of a default, or a literal in
 a function. Not counted are
 
-- 0, 1 and -1, and 2 as an exponent;
-- indices, axes and lengths: what stands in a subscript, beside ``len(...)`` or ``.size`` in a comparison, or as a whole number in
-  the call of a function that takes shapes (`SHAPES`);
-- formatting: what stands in an f-string, or is handed to `round`, `short`, `digits`;
+- 0 and -1, in functions 1, and 2 as an exponent;
+- indices, axes and shapes: what stands in a subscript, or as a whole number in the call of a function that takes shapes (`SHAPES`);
+- formatting: what stands in an f-string, but for what is written in full (``!r``) and so read again, or is handed to `round`, `short`,
+  `digits`;
 - 273.15, which a unit test of physics pins, and in functions the slack of rounding and guards against division by zero: numbers of a
   size up to 1e-6 or from 1e30, of which a tenth changes no answer.
 
@@ -107,7 +107,8 @@ def _literals(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
                 if not isinstance(child, ast.AST) or _skipped(node, name, child):
                     continue
                 if isinstance(child, ast.Constant) and type(child.value) in (int, float):
-                    if child.value not in (0, 1, 273.15) and not (inside and not 1e-6 < abs(child.value) < 1e30):
+                    one = child.value == 1 and (inside or isinstance(node, ast.UnaryOp))
+                    if child.value not in (0, 273.15) and not one and not (inside and not 1e-6 < abs(child.value) < 1e30):
                         yield owner, child
                 elif isinstance(child, ast.FunctionDef | ast.ClassDef):
                     yield from walk(child, f"{owner}.{child.name}".strip("."), inside or isinstance(child, ast.FunctionDef))
@@ -126,7 +127,9 @@ def _skipped(node: ast.AST, field: str, child: ast.AST) -> bool:
     match node:
         case ast.Subscript():
             return field == "slice"
-        case ast.JoinedStr() | ast.FormattedValue() | ast.Raise():
+        case ast.FormattedValue():
+            return node.conversion != ord("r")
+        case ast.Raise():
             return True
         case ast.keyword():
             return node.arg in ("axis", "ndmin", "maxsize")
@@ -134,8 +137,6 @@ def _skipped(node: ast.AST, field: str, child: ast.AST) -> bool:
             return field == "right" and isinstance(child, ast.Constant) and child.value == 2
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
             return whole and name in SHAPES
-        case ast.Compare():
-            return whole and any(re.search(r"^len\(|\.size$", ast.unparse(x)) for x in (node.left, *node.comparators))
     return False
 
 
@@ -203,10 +204,14 @@ def died(tree: PrivateTree, mutant: Mutant, whole: bool) -> str:
     path = tree.package / mutant.file
     before = path.read_text(encoding="utf-8")
     room = Path(mutant.file).parts[0]
-    own = [t for t in (f"tests/unit/{room}/test_constants.py", f"tests/unit/{room}") if (tree.root / t).exists()]
+    first = f"tests/unit/{room}/test_constants.py"
+    runs: list[tuple[list[str], tuple[str, ...]]] = [([first], ())] if (tree.root / first).exists() else []
+    runs.append(([f"tests/unit/{room}"], (f"--ignore={first}",)))
+    if whole:
+        runs.append((["tests"], ("-n", "2", f"--ignore=tests/unit/{room}")))
     path.write_text(mutant.text, encoding="utf-8")
     try:
-        for tests, options in ((own, ()), *([(["tests"], ("-n", "2", f"--ignore=tests/unit/{room}"))] if whole else [])):
+        for tests, options in runs:
             run = tree.pytest(tests, "-x", "--no-header", "--tb=no", "-rfE", *options, seconds=3600.0)
             if run.returncode not in (0, 5):
                 lines = [x for x in run.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))] or [*run.stdout.splitlines(), "?"][-3:]

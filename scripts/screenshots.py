@@ -63,7 +63,7 @@ def scenario(page: Page) -> None:
     for where, value in (("[data-number=cycles]", "2"), ("#lowest", "-5"), ("#highest", "65")):
         page.run(CHOOSE, where, value)
     page.click("#scenario-run")
-    page.until("studio.outcomes", 300)
+    page.until("studio.courses", 300)
 
 
 def bench(page: Page) -> None:

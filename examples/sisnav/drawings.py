@@ -9,8 +9,9 @@ from scipy.integrate import solve_ivp
 from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
-from thermid.reporting.blocks.sections import Figures, Graphic, Plot
-from thermid.reporting.pictures.figures import DrawnCurve, ShadedBand, curves
+from thermid.reporting.blocks.content import Figures, Graphic, Plot
+from thermid.reporting.pictures.chart import Area
+from thermid.reporting.pictures.figures import curve, curves
 
 SYNTHETIC = "synthetic: virtual laboratory"
 SMALL = (360, 225)
@@ -59,9 +60,9 @@ def panel(work: Work, p: Panel, key: str) -> Graphic:
     printed = td.simulate(work.constant[p.stage].fitted_model, BENCH.vacuum(as_printed=True))[block.node]
     measured, simulated = block.measured - 273.15, block.predicted - 273.15
     lines = [
-        DrawnCurve("measured", "measured", block.times, measured),
-        DrawnCurve("simulated", "simulated", block.times, simulated),
-        DrawnCurve("simulated, convection zero as printed: a bound", "bound", printed.times, printed.celsius),
+        curve("measured", "measured", block.times, measured),
+        curve("simulated", "simulated", block.times, simulated),
+        curve("simulated, convection zero as printed: a bound", "bound", printed.times, printed.celsius),
     ]
     high = float(np.max(simulated))
     return curves(lines, key, f"{p.label}: measured and simulated", top=high + 0.9 * (high - 24.0), size=SMALL)
@@ -100,9 +101,9 @@ def fig_21() -> tuple[Figures, float]:
     nodes = {"T1, ProcSISNAV": "proc.case", "T2, EleGFO": "ele.case"}
     lines, below, worst = [], [], 0.0
     for k, (label, node) in enumerate(nodes.items()):
-        lines.append(DrawnCurve("network", "measured", times, ours[node].celsius))
-        lines.append(DrawnCurve("equations, integrated apart", "simulated", times, other[k] - 273.15))
-        below.append(DrawnCurve(f"difference, {label}", ("bound", "other")[k], times, 1e9 * (ours[node].kelvin - other[k])))
+        lines.append(curve("network", "measured", times, ours[node].celsius))
+        lines.append(curve("equations, integrated apart", "simulated", times, other[k] - 273.15))
+        below.append(curve(f"difference, {label}", ("bound", "other")[k], times, 1e9 * (ours[node].kelvin - other[k])))
         worst = max(worst, float(np.abs(ours[node].kelvin - other[k]).max()))
     drawn = curves(lines, "fig21", "network against equations", below=below, names=("temperature, °C", "difference, nK"), size=(760, 330))
     caption = "Fig. 21: room +0.7 K over 5 h, EleGFO off at 3 h. No data: two integrations of one model."
@@ -119,12 +120,12 @@ def structures(work: Work) -> Figures:
             blocks[name] = next(b for b in verdict.prediction.blocks if b.sensor == sensor)
         n, c = blocks["natural"], blocks["constant"]
         lines = [
-            DrawnCurve("measured", "measured", n.times, n.measured - 273.15),
-            DrawnCurve("natural convection and radiation", "simulated", n.times, n.predicted - 273.15),
-            DrawnCurve("one constant coefficient", "bound", c.times, c.predicted - 273.15),
+            curve("measured", "measured", n.times, n.measured - 273.15),
+            curve("natural convection and radiation", "simulated", n.times, n.predicted - 273.15),
+            curve("one constant coefficient", "bound", c.times, c.predicted - 273.15),
         ]
         below = [
-            DrawnCurve(name, look, b.times, b.residuals, less=("measured", name))
+            curve(name, look, b.times, b.residuals, less=("measured", name))
             for name, look, b in (("natural convection and radiation", "simulated", n), ("one constant coefficient", "bound", c))
         ]
         drawn = curves(
@@ -139,11 +140,11 @@ def vacuum(runs: list[Vacuum], key: str) -> Figures:
     plots = []
     for k, run in enumerate(runs):
         lines = [
-            DrawnCurve("calibrated, radiation kept", "simulated", run.times, run.middle),
-            DrawnCurve("hidden truth", "truth", run.times, run.truth),
-            DrawnCurve("as printed: no radiation either, a bound", "bound", run.times, run.printed),
+            curve("calibrated, radiation kept", "simulated", run.times, run.middle),
+            curve("hidden truth", "truth", run.times, run.truth),
+            curve("as printed: no radiation either, a bound", "bound", run.times, run.printed),
         ]
-        band = ShadedBand("95 % interval", run.times, run.low, run.high)
+        band = Area("95 % interval", run.times, run.low, run.high)
         drawn = curves(lines, f"{key}-{k}", f"{run.node} in vacuum", band=band, size=SMALL)
         plots.append(Plot(drawn, run.node, SYNTHETIC))
     return Figures(tuple(plots), plots[0].drawn.legend)

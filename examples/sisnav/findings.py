@@ -10,7 +10,7 @@ from work import BENCH, HERE, HOUR, LEVEL, LEVEL_OF, LEVELS, PLACES, Vacuum, Wor
 
 import thermid as td
 from thermid.physics.htc import BIOT_LIMIT
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number
+from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, number
 
 PRINTED_SETTLING = {"Acc": 4.0, "FOG_l": 5.0, "EleGFO": 5.0, "ProcSISNAV": 5.0}
 """After how long the document says that a component is steady; FOG_h 'slower than FOG_l'. [h]"""

@@ -10,8 +10,22 @@ import findings
 from work import BENCH, HERE, Work
 
 import thermid as td
-from thermid.reporting.blocks.cells import Cell, Head, Line, Table
-from thermid.reporting.blocks.sections import Block, Code, Facts, Formulas, Heading, Notes, Picture, Section, Words, folded
+from thermid.reporting.blocks.content import (
+    Cell,
+    Code,
+    Facts,
+    Formulas,
+    Head,
+    Heading,
+    Line,
+    Notes,
+    PageBlock,
+    Picture,
+    Section,
+    Table,
+    Words,
+    folded,
+)
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.pages import tables
 from thermid.reporting.pages.study import study_report
@@ -38,7 +52,7 @@ def inline(svg: str) -> str:
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
-def outcome(work: Work) -> list[Block | Table]:
+def outcome(work: Work) -> list[PageBlock]:
     """Return the study in five facts."""
     natural, constant = work.natural, work.constant
     worst = max(c.found for v in natural.verdicts for c in v.checks if c.criterion == "max_error")
@@ -66,7 +80,7 @@ def outcome(work: Work) -> list[Block | Table]:
 def levels(work: Work) -> Section:
     """Return Table 2 as found beside the printed one, both structures, and what was recovered."""
     steady = td.steady(work.model("m_Sd"), BENCH)
-    blocks: list[Block | Table] = [
+    blocks: list[PageBlock] = [
         Words(
             "The document's blocks hold one constant coefficient a surface. Air that a warm box moves by itself takes heat as the "
             "difference of temperature to the power 1.25, and the surface radiates beside it: a coefficient tuned where a part settles is "
@@ -102,7 +116,7 @@ def levels(work: Work) -> Section:
     return Section.of("levels", "Levels, Table 2 and two structures", blocks, "Levels and Table 2")
 
 
-def coefficients() -> list[Block | Table]:
+def coefficients() -> list[PageBlock]:
     """Return the document's example: both coefficients, what their difference can and cannot mean, Biot numbers."""
     found = findings.htc()
     numbers = "\n".join(line for line in str(found).splitlines() if not line.startswith("remark"))
@@ -117,13 +131,13 @@ def coefficients() -> list[Block | Table]:
 def figures(work: Work) -> Section:
     """Return the document's figures: curves and diagrams."""
     against, worst = drawings.fig_21()
-    pictures: list[Block] = []
+    pictures: list[PageBlock] = []
     for name, caption in PICTURES.items():
         model = td.load_model(HERE / f"{name}.toml")
         temperatures = td.steady(model, BENCH)
         pictures.append(Picture(inline(diagram(model, temperatures=temperatures, title=name)), caption))
     spice = td.to_spice(td.load_model(HERE / "EleGFO.toml"), BENCH)
-    blocks: list[Block | Table] = [
+    blocks: list[PageBlock] = [
         Words("Measured means read by the virtual laboratory's sensors. The document's own curves are not public and were not copied."),
         Heading("Fig. 17: components"),
         drawings.figure(work, drawings.FIG_17, "fig17"),
@@ -193,7 +207,7 @@ def equations() -> Section:
         for k, rise in enumerate(printed_rises(derived), 1)
     ]
     matrix = f'<math display="block"><mrow><mi>A</mi><mo>=</mo>{shown(derived.matrix)}</mrow></math>'
-    blocks: list[Block | Table] = [
+    blocks: list[PageBlock] = [
         Words(
             "Derived by the program from the network of Fig. 19, the massless node eliminated, and equal to the printed ones as symbols: "
             "Eqs. 4 to 6 hold no slip. Eq. 6 needs constant inputs and at least one finite convective resistance."
@@ -214,7 +228,7 @@ def scenarios(work: Work) -> Section:
     humid = td.simulate(work.study.model, BENCH.with_(environment={"cv": td.Environment(humidity=0.9)}))
     bound = td.simulate(td.load_model(HERE / "Acc.toml"), BENCH.vacuum(as_printed=True))
     flags = [f"{f.component}: {f.limit:.0f} °C passed after {f.time / 3600:.3f} h" for f in work.study.exceeded(bound, at="imu.acc.acc_x")]
-    blocks: list[Block | Table] = [
+    blocks: list[PageBlock] = [
         Heading("Temperature"),
         warmer(work),
         Heading("Humidity"),

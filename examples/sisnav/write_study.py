@@ -21,8 +21,7 @@ import warm_up
 import work
 
 import thermid as td
-from thermid.reporting.blocks.cells import Table
-from thermid.reporting.blocks.sections import Graphic
+from thermid.reporting.blocks.content import Graphic, Table
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.pages.study import parts
 

@@ -120,10 +120,10 @@ from thermid.reduction.macro import assumed as assumed
 from thermid.reduction.macro import macro_model as macro_model
 from thermid.reduction.reduce import Reduction as Reduction
 from thermid.reduction.reduce import reduce as reduce
-from thermid.reporting.blocks.pdf import page_to_pdf as page_to_pdf
+from thermid.reporting.blocks.extras import page_to_pdf as page_to_pdf
 from thermid.reporting.pages.campaign import report as report
-from thermid.reporting.pages.structures import Structure as Structure
-from thermid.reporting.pages.structures import structures_report as structures_report
+from thermid.reporting.pages.study import Structure as Structure
+from thermid.reporting.pages.study import structures_report as structures_report
 from thermid.reporting.pages.study import study_report as study_report
 from thermid.reporting.pictures.look import Look as Look
 from thermid.reporting.pictures.look import look as look

@@ -44,8 +44,7 @@ NO_INPUT = {
     "thermid.cli.qualify": "the delivery of this command",
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.lock": "the lock is carried on",
-    "thermid.reporting.blocks.extras": "templates of the package",
-    "thermid.reporting.blocks.pdf": "what the browser printed",
+    "thermid.reporting.blocks.extras": "templates of the package, and what the browser printed",
     "thermid.studio.server": "scripts of the package",
 }
 

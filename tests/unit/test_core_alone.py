@@ -91,7 +91,7 @@ def imported(folder: Path) -> set[str]:
 
 def of_a_part(path: Path) -> bool:
     """Whether a file of tests is a part's: it stands in the part's folder, or names the part or one of its public names."""
-    public = (ROOT / "src" / "thermid" / "__init__.py").read_text(encoding="utf-8")
+    public = (ROOT / "src" / "thermid" / "__init__.pyi").read_text(encoding="utf-8")
     names = [name for part, name in re.findall(r"from thermid\.(\w+)[\w.]* import (\w+) as", public) if part in PARTS]
     assert len(names) > 10
     named = re.search(rf"thermid\.(?:{'|'.join(PARTS)})\b|\btd\.(?:{'|'.join(names)})\b", path.read_text(encoding="utf-8"))

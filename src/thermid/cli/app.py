@@ -59,7 +59,7 @@ COMMANDS = {
         "logs.look",
         "Show layout, clock, gaps, faults and columns of logs, and the lines for a campaign. Exit code 2 if times cannot be read.",
     ),
-    "predict": Place("predict.predict", "Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."),
+    "predict": Place("fit.predict", "Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."),
     "swap": Place(
         "fit.swap", "Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."
     ),
@@ -71,7 +71,7 @@ COMMANDS = {
         "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
     ),
     "profile": Place(
-        "profile.profile",
+        "qualify.profile",
         "Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit.",
     ),
     "settle": Place(
@@ -88,7 +88,7 @@ COMMANDS = {
         "Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors. Exit code 1 if not met, 4 if open.",
     ),
     "hold": Place(
-        "predict.hold",
+        "fit.hold",
         "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
     ),
     "deliver": Place(

@@ -12,7 +12,6 @@ import typer
 
 from thermid.campaign.schema import json_schema as campaign_schema
 from thermid.campaign.survey import check_campaign
-from thermid.cli.inputs import fitted_model, moments, scenario_of
 from thermid.cli.options import (
     Accept,
     AsPrinted,
@@ -29,9 +28,12 @@ from thermid.cli.options import (
     ScenarioPath,
     Vacuum,
     ValuesPath,
+    fitted_model,
     leave,
+    moments,
     pairs,
     say,
+    scenario_of,
     with_unit,
     writable,
 )

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from thermid.cli.inputs import fitted_model, scenario_of
 from thermid.cli.options import (
     Accept,
     AsPrinted,
@@ -23,9 +22,11 @@ from thermid.cli.options import (
     Start,
     Vacuum,
     ValuesPath,
+    fitted_model,
     leave,
     pairs,
     say,
+    scenario_of,
 )
 from thermid.errors import DeckError, OutputError, nearest
 from thermid.files import DECK, EQUATIONS, EXPORT, FileKind, may_write, write_text

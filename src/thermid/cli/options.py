@@ -1,21 +1,25 @@
-"""What commands share: options, pages, JSON, and exit codes."""
+"""What commands share: options, what they read and write (models with fitted values, scenarios, pages, JSON), and exit codes."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
+from thermid.campaign.hand import Filed, filed
 from thermid.errors import ScenarioError
 from thermid.files import PAGE, PAPER, command, may_write, scratch
-from thermid.reporting.blocks.pdf import browser, page_to_pdf
+from thermid.model.deck.modelfile import load_model
+from thermid.model.laws.signal import literal
+from thermid.model.parts.parameter import Standing
+from thermid.model.tree.model import Model
+from thermid.reporting.blocks.extras import browser, page_to_pdf
 from thermid.reporting.pages.views import SCHEMA, clean
-
-if TYPE_CHECKING:
-    from thermid.model.parts.parameter import Standing
+from thermid.simulation.scenario_file import load_scenario
+from thermid.simulation.scenarios.scenario import Scenario
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
@@ -118,3 +122,61 @@ def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) ->
             page = to if to is not None else write(folder / "page.html")
             out["pdf"] = str(page_to_pdf(page, pdf))
     return out
+
+
+def fitted_model(deck: Path, values: Path | None, keep: bool = False, param: Sequence[str] = ()) -> Model:
+    """Return a deck's model with a values file and parameters laid over it; what the file lacks and what is left out is told first.
+
+    Parameters
+    ----------
+    keep : bool     Whether to keep values that the decks give otherwise by now.
+    """
+    model = load_model(deck)
+    if values is not None:
+        laid = filed(values, model, keep=keep)
+        say_first(laid, values)
+        model = laid.model
+    return model.with_values(pairs(list(param), "--param"), "command line") if param else model
+
+
+def say_first(laid: Filed, file: Path) -> None:
+    """Tell what a values file lacks, what of it is left out, and what is hidden."""
+    for line in (*laid.lacks, *(f"{gone} --keep-values keeps it." for gone in laid.gone), *laid.hidden):
+        typer.echo(f"{file.name}: {line}", err=True)
+
+
+def scenario_of(
+    file: Path | None,
+    boundary: list[str],
+    load: list[str],
+    start: str | None,
+    duration: str | None,
+    vacuum: bool = False,
+    as_printed: bool = False,
+) -> Scenario:
+    """Return the scenario of the options, laid over the one of a file."""
+    base = load_scenario(file) if file is not None else Scenario("command line")
+    for name, text in pairs(boundary, "--boundary").items():
+        if with_unit(text, "degC") != text and 200.0 <= float(text) <= 400.0:
+            typer.echo(f"note: {name}={text} is read in degC; in kelvin it is written '{name}={text} [K]'.", err=True)
+    changes: dict[str, Any] = {
+        "boundaries": {k: with_unit(v, "degC") for k, v in pairs(boundary, "--boundary").items()},
+        "loads": {k: with_unit(v, "W") for k, v in pairs(load, "--load").items()},
+    }
+    if start is not None:
+        changes["start"] = with_unit(start, "degC")
+    if duration is not None:
+        changes["duration"] = with_unit(duration, "s")
+    scenario = base.with_(**changes)
+    if vacuum and as_printed:
+        raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.")
+    return scenario.vacuum(as_printed=as_printed) if vacuum or as_printed else scenario
+
+
+def moments(texts: list[str], seconds: float) -> list[float]:
+    """Return the times of ``--at`` within a run of that length. [s]"""
+    times = [literal(with_unit(t, "s"), "s", "--at") for t in texts]
+    outside = [t for t in times if not 0 <= t <= seconds]
+    if outside:
+        raise ScenarioError(f"{outside[0]:g} s lies outside the run of {seconds:g} s.", "--at")
+    return times

@@ -7,8 +7,22 @@ from typing import Annotated, Any
 
 import typer
 
-from thermid.cli.inputs import fitted_model, scenario_of
-from thermid.cli.options import Accept, Boundaries, Deck, Duration, Json, KeepValues, Start, ValuesPath, leave, pairs, say, with_unit
+from thermid.cli.options import (
+    Accept,
+    Boundaries,
+    Deck,
+    Duration,
+    Json,
+    KeepValues,
+    Start,
+    ValuesPath,
+    fitted_model,
+    leave,
+    pairs,
+    say,
+    scenario_of,
+    with_unit,
+)
 from thermid.knowledge.store import model_standing
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT

@@ -230,10 +230,10 @@ class _Writer:
             heat.setdefault(source.node, []).append(f"Q_{k}")
         yield "  % Conductances. [W/K]"
         for label, row in w.conductors:
-            if row.law.linear:
+            if row.kernel.linear:
                 yield f"  G_{self.rows[label]} = {self._conductance(row)};"
         yield from self._massless(heat)
-        bent = [(label, row) for label, row in w.conductors if not row.law.linear]
+        bent = [(label, row) for label, row in w.conductors if not row.kernel.linear]
         for label, row in bent:
             yield f"  G_{self.rows[label]} = {self._conductance(row)};"
         yield "  % Heat flows. [W]"

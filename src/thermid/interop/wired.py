@@ -173,7 +173,7 @@ def refuse_crooked(w: Wired, what: str) -> None:
     """
     for label, row in w.conductors:
         at = [end for end in row.ends if end in w.massless]
-        if at and not row.law.linear:
+        if at and not row.kernel.linear:
             raise DeckError(
                 f"'{label}' is not linear ({row.form}) and ends at the massless node '{at[0]}', whose temperature has no formula then. "
                 f"Give the node a capacitance to write the model to {what}.",

@@ -66,11 +66,6 @@ class Environment:
         if bool(self.vented) != (self.time_constant > 0.0):
             raise ScenarioError("a vented volume has the gas node that it is vented to, and a time constant above zero.")
 
-    @property
-    def windy(self) -> bool:
-        """Whether there is wind at any time."""
-        return bool(self.wind.bounds[1] > 0.0)
-
     def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
         """Return the gas with what a law makes of its signals."""
         return replace(self, pressure=law(self.pressure), wind=law(self.wind))

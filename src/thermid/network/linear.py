@@ -76,7 +76,7 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     DeckError     When a massless node has no conductance to anything, so that its temperature is undefined.
     """
     numbers = numbers or network.numbers()
-    crooked = [row.name for row in numbers.conductors if not row.law.linear or row.signal]
+    crooked = [row.name for row in numbers.conductors if not row.kernel.linear or row.signal]
     crooked += [row.name for row in numbers.loads if not row.fixed] + list(network.stores)
     if crooked:
         raise SolverError(

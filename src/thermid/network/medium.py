@@ -209,7 +209,7 @@ def _plain(number: Number) -> float:
 def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasState, signal: str = "") -> ConductorRow:
     """Return the row of gas at rest: conductance of the continuum [W/K], and that of free molecules for each pascal [W/(K Pa)]."""
     ratio = molecular / continuum * state.pressure
-    return ConductorRow(c.path, "gas", c.ends, (continuum, ratio), conductivity_curve(state.gas), signal, state.named("pressure"))
+    return ConductorRow(c.path, c.ends, Law("gas", (continuum, ratio)), conductivity_curve(state.gas), signal, state.named("pressure"))
 
 
 def gap(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
@@ -238,7 +238,7 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
         film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
         signal = f"{state.gust} {k}" if state.gust else ""
-        moving.append(ConductorRow(c.path, "natural", c.ends, (scale, root), curve, signal, state.named("natural")))
+        moving.append(ConductorRow(c.path, c.ends, Law("natural", (scale, root)), curve, signal, state.named("natural")))
     still = _rest(c, scale * least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state)
     return still, *moving
 
@@ -249,8 +249,8 @@ def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[
     With s = (p/p0)^(1/2) (g/g0)^(1/4), as laminar convection goes, the conductance is s times what was fitted and (1 - s) times that of gas
     at rest, which is rarefied as the pressure falls.
     """
-    first, *rest = law.coefficients
-    fitted = ConductorRow(c.path, law.form, c.ends, (state.natural * first, *rest), c.curve, state.named("natural"))
+    first = law.coefficients[0]
+    fitted = ConductorRow(c.path, c.ends, law.scaled(state.natural), c.curve, state.named("natural"))
     if value_of(area) == 0.0:
         return (fitted,)
     gas = state.gas
@@ -260,10 +260,7 @@ def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[
     if value_of(least) == 0.0:
         return (fitted,)
     still = _rest(c, least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state, state.named("rest"))
-    share = 1.0 if state.key else 1.0 - state.natural
-    return fitted, ConductorRow(
-        c.path, still.form, c.ends, (share * still.coefficients[0], still.coefficients[1]), still.curve, still.signal, still.second
-    )
+    return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - state.natural))
 
 
 VACUUM_LIMIT = 1e-2
@@ -296,7 +293,7 @@ class Media:
         out: dict[str, Signal] = {}
         for gas, environment in self.environments.items():
             p = self._pressure(gas, environment)
-            if environment.windy and not (isinstance(p, Constant) and isinstance(environment.wind, Constant)):
+            if environment.wind.bounds[1] > 0.0 and not (isinstance(p, Constant) and isinstance(environment.wind, Constant)):
                 out |= {f"wind {gas} {k}": w for k, w in enumerate(shares(*self._stream(gas, p, environment)))}
             if isinstance(p, Constant):
                 continue
@@ -368,7 +365,7 @@ class Media:
         base = (
             GasState(kind, p.value, float(environment.natural(p.value))) if isinstance(p, Constant) else GasState(kind, 1.0, 1.0, key=key)
         )
-        if not environment.windy:
+        if wind.bounds[1] == 0.0:
             return base
         if steady and isinstance(wind, Constant):
             return replace(base, wind=wind.value)
@@ -430,7 +427,7 @@ class Media:
         """Return a sentence for each wind that does not reach a fixed coefficient."""
         every, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in every):
-            if self._environment(gas).windy:
+            if self._environment(gas).wind.bounds[1] > 0.0:
                 fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
                     f"the wind in '{gas}' does not change {', '.join(repr(p) for p in fixed)}: a coefficient that is given stays as it is;"
@@ -446,11 +443,11 @@ class Media:
         ScenarioError   When an effective coefficient meets another pressure without an emissivity to keep, or another gas.
         """
 
-        def row(form: str, coefficients: tuple[Number, ...], signal: str = "") -> ConductorRow:
-            return ConductorRow(c.path, form, c.ends, coefficients, c.curve, signal)
+        def row(law: Law, signal: str = "") -> tuple[ConductorRow]:
+            return (ConductorRow(c.path, c.ends, law, c.curve, signal),)
 
         if law.medium in ("solid", "radiation"):
-            return (row(law.form, law.coefficients),)
+            return row(law)
         state = self._state(c.gas)
         if law.medium == "left":
             return self._left(c, law, state)
@@ -459,17 +456,17 @@ class Media:
         if law.medium in ("rest", "correlation"):
             at = self._gas(c.gas, c.where)
             if at.pressure == 0.0:
-                return (row("linear", (0.0 * law.coefficients[0],)),)
+                return row(Law("linear", (0.0 * law.coefficients[0],)))
             return (gap(c, law, at),) if law.medium == "rest" else correlated(c, law, at)
         if state == "air" and self._environment(c.gas).gas == "air":
-            return (row(law.form, law.coefficients),)
-        gone = (row(law.form, (0.0 * law.coefficients[0], *law.coefficients[1:])),)
+            return row(law)
+        gone = row(law.scaled(0.0))
         if state == "vacuum" and (law.medium == "gas" or self.as_printed):
             return gone
         if self.as_printed and state == "jumping":
-            return (row(law.form, law.coefficients, f"gas {self._key(c.gas)}"),)
+            return row(law, f"gas {self._key(c.gas)}")
         if state == "vacuum":
-            return gone if c.sees else (row("radiation", self._kept(c, fields, emissivity)),)
+            return gone if c.sees else row(Law("radiation", self._kept(c, fields, emissivity)))
         return self._changed(c, law, fields, emissivity, state)
 
     def _changed(
@@ -485,12 +482,12 @@ class Media:
         kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
         if state == "jumping":
             key = self._key(c.gas)
-            present = ConductorRow(c.path, law.form, c.ends, law.coefficients, c.curve, f"gas {key}")
-            return (present, ConductorRow(c.path, "radiation", c.ends, kept, None, f"no gas {key}")) if kept else (present,)
+            present = ConductorRow(c.path, c.ends, law, c.curve, f"gas {key}")
+            return (present, ConductorRow(c.path, c.ends, Law("radiation", kept), None, f"no gas {key}")) if kept else (present,)
         at = self._gas(c.gas, c.where)
         if kept:
             share = 1.0 if at.key else 1.0 - at.natural
-            radiation = (ConductorRow(c.path, "radiation", c.ends, (share * kept[0],), None, at.named("rest")),)
+            radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * kept[0],)), None, at.named("rest")),)
         return *thinned(c, law, fields["area"], at), *radiation
 
     def _left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
@@ -499,14 +496,14 @@ class Media:
         if signal == "thin":
             at = self._gas(c.gas, c.where)
             share, signal = (1.0 if at.key else 1.0 - at.natural), at.named("rest")
-        return (ConductorRow(c.path, law.form, c.ends, ((0.0 if self.as_printed else share) * law.coefficients[0],), None, signal),)
+        return (ConductorRow(c.path, c.ends, law.scaled(0.0 if self.as_printed else share), None, signal),)
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
         """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""
         air, bare, *radiating = law.coefficients
 
         def row(conductance: Number, signal: str = "") -> ConductorRow:
-            return ConductorRow(c.path, "linear", c.ends, (conductance,), None, signal)
+            return ConductorRow(c.path, c.ends, Law("linear", (conductance,)), None, signal)
 
         if "to" not in c.words:
             return (row(bare),)

@@ -20,6 +20,7 @@ from thermid.errors import DeckError, ThermidError
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import HeatStore
+from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
 from thermid.model.tree.model import Model
@@ -159,7 +160,7 @@ class Network:
         if any(value_of(law.coefficients[0]) < 0 for law in laws):
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
-            laws = tuple(replace(law, coefficients=(c.factor * law.coefficients[0], *law.coefficients[1:])) for law in laws)
+            laws = tuple(law.scaled(c.factor) for law in laws)
         if c.path in self.streams:
             return (self.streams.row(c, laws[0]),)
         try:
@@ -175,7 +176,7 @@ class Network:
                     c.where,
                 )
         rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
-        return (*rows, ConductorRow(c.path, "linear", c.ends, (TRACE,))) if c.path in self.traced else rows
+        return (*rows, ConductorRow(c.path, c.ends, Law("linear", (TRACE,)))) if c.path in self.traced else rows
 
 
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
@@ -347,7 +348,7 @@ def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
             continue
         capacitances |= {node: None, own: capacitance}
         stored[own] = (node, store)
-        rows.append(ConductorRow(own, "potential", (own, node), (QUICK * capacitance,), store.curve))
+        rows.append(ConductorRow(own, (own, node), Law("potential", (QUICK * capacitance,)), store.curve))
     return Reduced(tuple(capacitances), capacitances, tuple(rows), reduced.recover, stored)
 
 
@@ -392,7 +393,7 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
         a, b = sorted(pair, key=order.__getitem__)
         if a in network.boundaries:
             continue  # both ends are given: heat between them changes no unknown
-        kept.append(ConductorRow(f"mesh {a} {b}", "linear", (a, b), (g,)))
+        kept.append(ConductorRow(f"mesh {a} {b}", (a, b), Law("linear", (g,))))
     nodes = tuple(n for n in network.nodes if n not in gone)
     return Reduced(nodes, {n: numbers.capacitances[n] for n in nodes}, tuple(kept), tuple(reversed(recover)))
 

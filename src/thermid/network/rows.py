@@ -12,6 +12,7 @@ from thermid import _kernel
 from thermid.dual import Number
 from thermid.linear_algebra import Array
 from thermid.model.laws.curves import FAR, Curve, whole
+from thermid.model.parts.kinds import Law
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""
@@ -118,26 +119,34 @@ class ConductorRow:
 
     Parameters
     ----------
-    name : str                      Path of the conductor it comes from.
-    form : str                      One of `CONDUCTORS`.
-    ends : (str, str)               Node paths; heat flow is positive from the first to the second.
-    coefficients : tuple of Number  The first one scales the heat flow.
-    curve : Curve or None           For tables.
-    signal : str                    Name of the input that the first coefficient is multiplied by; empty for none.
-    second : str                    The same for the second coefficient.
+    name : str              Path of the conductor it comes from.
+    ends : (str, str)       Node paths; heat flow is positive from the first to the second.
+    law : Law               Its form, one of `CONDUCTORS`, and its coefficients, the first of which scales the heat flow.
+    curve : Curve or None   For tables.
+    signal : str            Name of the input that the first coefficient is multiplied by; empty for none.
+    second : str            The same for the second coefficient.
     """
 
     name: str
-    form: str
     ends: tuple[str, str]
-    coefficients: tuple[Number, ...]
+    law: Law
     curve: Curve | None = None
     signal: str = ""
     second: str = ""
 
     @property
-    def law(self) -> KernelLaw:
-        """The kernel's law of it."""
+    def form(self) -> str:
+        """Form of its law."""
+        return self.law.form
+
+    @property
+    def coefficients(self) -> tuple[Number, ...]:
+        """Those of its law."""
+        return self.law.coefficients
+
+    @property
+    def kernel(self) -> KernelLaw:
+        """The kernel's law of its form."""
         return conductor_law(self.form, self.curve)
 
 

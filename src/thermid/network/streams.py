@@ -109,11 +109,10 @@ class Streams:
 
     def row(self, c: FlatConductor, law: Law) -> ConductorRow:
         """Return the row of a stream of gas: its heat capacity rate at the density of its gas."""
-        rate = law.coefficients[0] * self._standard(c)
-        course = self.still(c.path)
+        rate, course = law.scaled(self._standard(c)), self.still(c.path)
         if isinstance(course, Constant):
-            return ConductorRow(c.path, "flow", c.ends, (course.value * rate,))
-        return ConductorRow(c.path, "flow", c.ends, (rate,), None, signal_of(c.path))
+            return ConductorRow(c.path, c.ends, rate.scaled(course.value))
+        return ConductorRow(c.path, c.ends, rate, None, signal_of(c.path))
 
     @staticmethod
     def _standard(c: FlatConductor) -> float:

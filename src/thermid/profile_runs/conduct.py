@@ -30,9 +30,8 @@ from thermid.profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.engine import Engine, settle
 from thermid.simulation.solver.problem import Options, Traces
-from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.wiring import Assembled, Wiring
 from thermid.simulation.transient import simulate
 

@@ -150,7 +150,7 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
 
 def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> float:
     first, (a, b) = value_of(row.coefficients[0]), (means[e] for e in row.ends)
-    if row.law.linear:
+    if row.kernel.linear:
         return first
     coefficients = [value_of(c) for c in row.coefficients]
     if row.form in ("radiation", "power"):

@@ -14,6 +14,7 @@ from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
 from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
+from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
@@ -353,7 +354,7 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
     out = []
     if exchange.htc:
         form = "power" if exchange.exponent else "linear"
-        out.append(RowGroup(form, to, places, second, exchange.htc * area, exchange.exponent))
+        out.append(RowGroup(form, to, places, second, convection_conductance(exchange.htc, area), exchange.exponent))
     if exchange.emissivity:
         coefficients = float(radiation_coefficient(exchange.emissivity, 1.0)) * area
         out.append(RowGroup("radiation", boundaries.index(exchange.radiates_to), places, second, coefficients))

@@ -24,9 +24,8 @@ from thermid.network.network import Network, compile_network, unreached
 from thermid.simulation.ensemble import Ensemble, run_members
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation.solution import Run, Solution
-from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.engine import Engine, settle
 from thermid.simulation.solver.problem import Options, Traces
-from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.wiring import Wiring
 from thermid.units import TEMPERATURE
 

@@ -17,8 +17,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.block import BlockSolution, steady_block
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation.simulator import network_for
+from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import KernelProblem, Traces
-from thermid.simulation.solver.settling import settle
 from thermid.simulation.solver.wiring import Wiring
 from thermid.simulation.transient import simulate
 

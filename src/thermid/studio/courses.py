@@ -1,18 +1,33 @@
-"""What can be run in the studio: profiles of the standards and of files, scenarios, what logs were made under, tests of plans."""
+"""What can be run in the studio - profiles, scenarios, conditions of logs, tests of plans - and what it came to, held against limits."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from thermid.errors import NameNotFoundError, ScenarioError, ThermidError, nearest
-from thermid.judge.limits import Limits, read_limits
+from thermid.judge.limits import LimitCheck, Limits, check_limits, read_limits, spans
+from thermid.judge.margins import Margin, margins
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.network.network import compile_network
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction.known import Known
+from thermid.prediction.predict import Band, foresee
+from thermid.profile_runs.conduct import run_profile
+from thermid.profile_runs.profile_run import ProfileRun
 from thermid.profiles.number import SLOTS
 from thermid.profiles.profile import ThermalProfile
 from thermid.profiles.standards import load_profile, profile_names, profile_of
+from thermid.qualify.plan import load_plan
+from thermid.qualify.trial import run_test
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
+from thermid.studio.curves import Window, thinned
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
 from thermid.units import TEMPERATURE
@@ -76,7 +91,7 @@ class Shelf:
         out: dict[str, Limits] = {}
         files: dict[str, None] = {}
         for file, content in self._tables.items():
-            if not _is_limits(content):
+            if not content or not all(isinstance(t, Mapping) and {"node", "operating"} <= set(t) for t in content.values()):
                 continue
             try:
                 fitting = [one for one in read_limits(content, file.name) if one.node in nodes and set(one.loads) <= loads]
@@ -191,5 +206,300 @@ def _read(file: Path) -> dict[str, Any]:
         return {}
 
 
-def _is_limits(content: Mapping[str, Any]) -> bool:
-    return bool(content) and all(isinstance(t, Mapping) and {"node", "operating"} <= set(t) for t in content.values())
+Told = Callable[[int, int, float], None]
+SAMPLES = 3000
+"""Stored times of a scenario."""
+SHOWN = 12
+"""Nodes shown beside those that have limits: the widest swings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A run held against limits.
+
+    Parameters
+    ----------
+    title : str                     What was run, on what.
+    solution : Solution
+    limits : tuple of Limits        Under the paths of the run's model.
+    checks : tuple of LimitCheck    Every point in every state that it was in.
+    course : ProfileRun or None     The phases, where a profile says the course.
+    margins : tuple of Margin       Where the uncertainty of a fit is known.
+    bands : dict                    Node -> what is expected of it with its error, likewise.
+    state : str                     Of points whose limits name no loads.
+    source : str                    Where the limits stand.
+    remarks : tuple of str          What a reader must know.
+    standing : Standing             Of the values that it was run with.
+    """
+
+    title: str
+    solution: Solution
+    limits: tuple[Limits, ...]
+    checks: tuple[LimitCheck, ...]
+    course: ProfileRun | None = None
+    margins: tuple[Margin, ...] = ()
+    bands: Mapping[str, Band] | None = None
+    state: str = "operating"
+    source: str = ""
+    remarks: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
+
+    @property
+    def worst(self) -> LimitCheck | None:
+        """The check that comes nearest to a limit, or passes it furthest."""
+        return min((c for c in self.checks if np.isfinite(c.room)), key=lambda c: c.room, default=None)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Nodes whose curves are shown: chamber, base, those with limits, then the widest swings."""
+        course = self.course
+        first = [*(course.chamber[:1] if course is not None else ()), *([course.base] if course is not None and course.base else [])]
+        first += [one.node for one in self.limits]
+        given = set(course.chamber) if course is not None else set()
+        swings = sorted((n for n in self.solution.nodes if n not in given), key=lambda n: -float(np.ptp(self.solution[n].kelvin)))
+        kept = list(dict.fromkeys(self.solution[n].path for n in first))
+        return tuple(dict.fromkeys([*kept, *swings[: max(SHOWN - len(kept), 0)]]))
+
+
+def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, float], asked: Mapping[str, Any], told: Told) -> Outcome:
+    """Return what a course comes to, with the sliders' values; a plan's test runs on the plan's own model.
+
+    Parameters
+    ----------
+    shelf, desk, course     What is run, and on what.
+    values : dict           Slider -> value in its unit.
+    asked : dict            Of a profile as in `profile_for`, ``chamber``, ``base``; of a scenario ``gas``; ``state``, ``uncertain``.
+    told : callable         Told how far it is; what it raises ends the run.
+
+    Raises
+    ------
+    ThermidError   When it cannot be run; the message says why.
+    """
+    if course.kind == "test":
+        return _tested(course, told)
+    state = str(asked.get("state") or "operating")
+    run: ProfileRun | None = None
+    if course.kind == "profile":
+        chamber = [str(c) for c in asked.get("chamber") or desk.boundaries]
+        run = run_profile(desk.tuned(values), profile_for(course, asked), chamber=chamber, base=str(asked.get("base") or ""), told=told)
+        solution, scenario = run.solution, run.scenario
+    else:
+        model, given = desk.run_of(course.of[0], values, sensors=False)
+        scenario = _scenario(given, str(asked.get("gas") or "air"))
+        solution = simulate(model, scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
+    limits, source = shelf.limits(desk)
+    checks = check_limits(solution, limits, state=state)
+    told(1, 1, scenario.seconds)
+    found: tuple[Margin, ...] = ()
+    bands: Mapping[str, Band] | None = None
+    if asked.get("uncertain") and limits:
+        if desk.calibration is None or values:
+            raise ScenarioError(
+                "the uncertainty belongs to a fit's own values: run the stage, and put the sliders back (Reset).", desk.title
+            )
+        expected = foresee(Known.of(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
+        found, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
+    remarks = run.remarks if run is not None else tuple(solution.warnings)
+    return Outcome(f"{course.title} on {desk.title}", solution, limits, checks, run, found, bands, state, source, tuple(remarks))
+
+
+def _scenario(scenario: Scenario, gas: str) -> Scenario:
+    if gas not in ("air", "vacuum", "printed"):
+        raise ScenarioError(f"'{gas}' is none of air, vacuum, printed.", "studio")
+    return scenario if gas == "air" else scenario.vacuum(gas == "printed")
+
+
+def _tested(course: Course, told: Told) -> Outcome:
+    """Return a plan's test as it is predicted; no log is read."""
+    file, name = course.of
+    plan = load_plan(file)
+    test = next(t for t in plan.tests if t.name == name)
+    trial = run_test(plan, test.model_copy(update={"log": None}), told)
+    state, policy = "operating" if test.operating else "non-operating", plan.content.margins
+    found = margins({name: trial.foresight}, trial.limits, policy.policy, tested=policy.balance_tested, states={name: state})
+    bands = trial.foresight.prediction.bands
+    remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside)
+    title = f"{name} on {trial.known.model.title}"
+    return Outcome(
+        title,
+        trial.foresight.solution,
+        trial.limits,
+        trial.checks,
+        trial.course,
+        found,
+        bands,
+        state,
+        file.name,
+        remarks,
+        trial.foresight.standing,
+    )
+
+
+def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
+    """Return a run for a page: curves thinned to a window, all else whole."""
+    run, solution = found.course, found.solution
+    return {
+        "title": found.title,
+        "duration": float(solution.times[-1]),
+        "waited": None if run is None else run.waited,
+        "trust": "" if run is None else run.trust,
+        "decides": run is None or run.decides,
+        "standing": found.standing.to_dict(),
+        "verdict": _doubted(found, _verdict(found)),
+        "worst": _check(found.worst) if found.worst is not None else None,
+        "phases": [] if run is None else [_phase(p) for p in run.phases],
+        "levels": [] if run is None else _levels(run),
+        "nodes": len(solution.nodes),
+        "curves": [_curve(found, n, window) for n in found.shown],
+        "points": [_point(found, one) for one in found.limits],
+        "checks": [_check(c) for c in found.checks],
+        "margins": [_margin(m) for m in found.margins],
+        "source": found.source,
+        "moisture": _moisture(run, window),
+        "remarks": list(found.remarks),
+    }
+
+
+def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
+    """Return a verdict that decides nothing where the values of the run are not credible or failed."""
+    state, why = found.standing.state.upper(), found.standing.reason()
+    if found.standing.fair:
+        return verdict
+    if found.standing.usable:
+        return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
+    return {"word": "not decided", "text": f"The values are {state}, do not use them: {why}. By them: {verdict['text']}"}
+
+
+def _verdict(found: Outcome) -> dict[str, str]:
+    """Return the worst part and time as a sentence, with a word that a mark can stand for."""
+    worst, run = found.worst, found.course
+    if worst is None:
+        given = set(run.chamber) if run is not None else set()
+        nodes = [n for n in found.solution.nodes if n not in given]
+        hot = max(nodes, key=lambda n: found.solution[n].highest)
+        trace = found.solution[hot].maximum
+        at = _hours(trace.time)
+        why = "No limits are kept beside this deck for its nodes"
+        return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.celsius:.1f} °C at {at}.{_settling(run)}"}
+    side, temperature, time = _nearest(worst)
+    limit = worst.limits[1 if side == "upper" else 0]
+    what = f"{worst.point} ({worst.node}), {worst.state}: {temperature - ICE_POINT:.1f} °C at {_hours(time)}"
+    if worst.crossings:
+        first = min(worst.crossings, key=lambda c: c.time)
+        text = f"Passes a limit. Worst: {what}, {-worst.room:.1f} K beyond its {side} limit of {limit - ICE_POINT:.4g} °C; first passed at "
+        text += f"{_hours(first.time)}, {_hours(sum(c.outside for c in worst.crossings))} beyond."
+        word = "passed a limit"
+    else:
+        text = f"Every limit is kept. Nearest: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
+        word = "kept"
+    undecided = [c.undecided for c in found.checks if c.undecided]
+    if run is not None and not run.decides:
+        undecided.append("numbers of the profile are from memory")
+    if undecided and all(c.passed is not False for c in found.checks):
+        word, text = "not decided", f"{text} Not decided: {'; '.join(dict.fromkeys(undecided))}."
+    return {"word": word, "text": text + _settling(run)}
+
+
+def _settling(run: ProfileRun | None) -> str:
+    """Return where water settles first, of a humidity test."""
+    if run is None or run.moisture is None or not run.moisture.surfaces:
+        return ""
+    s = min(run.moisture.surfaces.values(), key=lambda s: float(s.margin.min()))
+    least, at = float(s.margin.min()), _hours(float(s.times[int(s.margin.argmin())]))
+    if least >= 0.0:
+        return f" No surface reaches the dew point; nearest: {s.surface}, {least:.1f} K above it at {at}."
+    return f" Water settles: worst {s.surface}, {-least:.1f} K below the dew point at {at}, condensing for {_hours(s.condensing)}."
+
+
+def _nearest(check: LimitCheck) -> tuple[str, float, float]:
+    """Return the side of a check that is nearer to its limit, with the extreme temperature there [K] and its time [s]."""
+    if check.limits[1] - check.highest <= check.lowest - check.limits[0]:
+        return "upper", check.highest, check.highest_time
+    return "lower", check.lowest, check.lowest_time
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds / 3600.0:.2f} h" if seconds >= 600.0 else f"{seconds / 60.0:.1f} min"
+
+
+def _check(c: LimitCheck) -> dict[str, Any]:
+    side, temperature, time = _nearest(c)
+    crossings = [{"side": x.side, "time": x.time, "worst": x.worst - ICE_POINT, "outside": x.outside} for x in c.crossings]
+    out: dict[str, Any] = {
+        "point": c.point,
+        "node": c.node,
+        "state": c.state,
+        "side": side,
+        "mark": c.mark,
+        "passed": c.passed,
+        "why": c.undecided,
+    }
+    out |= {"limits": [c.limits[0] - ICE_POINT, c.limits[1] - ICE_POINT], "lowest": c.lowest - ICE_POINT, "highest": c.highest - ICE_POINT}
+    return out | {"room": c.room, "value": temperature - ICE_POINT, "time": time, "crossings": crossings}
+
+
+def _point(found: Outcome, one: Limits) -> dict[str, Any]:
+    """Return a reference point with its limits, and the stretches of time in which each of them holds."""
+    drawn = [
+        {"state": s.state, "from": s.start, "to": s.end, "limits": [s.limits[0] - ICE_POINT, s.limits[1] - ICE_POINT]}
+        for s in spans(found.solution, one, found.state)
+    ]
+    return {"point": one.point, "node": found.solution[one.node].path, "spans": drawn, "mark": one.mark, "source": one.source}
+
+
+def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
+    trace, run = found.solution[node], found.course
+    times, values = thinned(trace.course[0], trace.course[1] - ICE_POINT, window)
+    out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
+    band = None if found.bands is None else found.bands.get(node)
+    if band is not None:
+        at, error = thinned(band.times, 1.96 * band.error, window, 200)
+        out |= {"band_times": at, "band": error, "band_values": np.interp(at, trace.times, trace.celsius)}
+    return out
+
+
+def _phase(p: Any) -> dict[str, Any]:
+    shade = p.kind if p.power else "off"
+    return {"name": p.name, "cycle": p.cycle, "kind": shade, "from": p.start, "to": p.end, "rule": p.rule, "slowest": p.slowest}
+
+
+def _levels(run: ProfileRun) -> list[dict[str, Any]]:
+    used = run.profile.used
+    return [{"name": f"{s} level", "value": float(used[s].value) - ICE_POINT, "mark": used[s].mark} for s in ("hot", "cold") if s in used]
+
+
+def _margin(m: Margin) -> dict[str, Any]:
+    return {
+        "point": m.point,
+        "side": m.side,
+        "state": m.state,
+        "time": m.time,
+        "predicted": m.predicted - ICE_POINT,
+        "uncertainty": m.printed,
+        "added": m.policy.acceptance.value + m.policy.qualification.value,
+        "limit": m.limit - ICE_POINT,
+        "margin": m.margin,
+        "policy": m.policy.name,
+    }
+
+
+def _moisture(run: ProfileRun | None, window: Window) -> dict[str, Any] | None:
+    """Return dew points, and every surface with its least margin above them."""
+    if run is None or run.moisture is None:
+        return None
+    wet = run.moisture
+    gases = [(g, *thinned(wet.solution.times, v - ICE_POINT, window)) for g, v in wet.dew_points.items()]
+    surfaces: Sequence[Any] = sorted(wet.surfaces.values(), key=lambda s: float(s.margin.min()))
+    return {
+        "dew": [{"name": f"dew point of {g}", "times": t, "values": v} for g, t, v in gases],
+        "surfaces": [
+            {
+                "surface": s.surface,
+                "margin": float(s.margin.min()),
+                "time": float(s.times[int(s.margin.argmin())]),
+                "condensing": s.condensing,
+                "film": 1e3 * float(s.film.max()),
+            }
+            for s in surfaces
+        ],
+    }

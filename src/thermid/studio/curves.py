@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from thermid.errors import DeckError
 from thermid.linear_algebra import Array
 
 Window = tuple[float, float] | None
@@ -81,3 +84,18 @@ def thinned(times: Array, values: Array, window: Window = None, points: int = PO
     kept[lowest] = kept[highest] = kept[0] = kept[-1] = True
     kept |= gaps & ~np.append(False, gaps[:-1])  # where a gap begins, a line must break
     return times[kept], values[kept]
+
+
+def window_of(asked: Mapping[str, Any]) -> Window:
+    """Return the stretch that a page shows, or None for all of it. [s]
+
+    Raises
+    ------
+    DeckError   When it is no pair of times.
+    """
+    given = asked.get("window")
+    if given is None:
+        return None
+    if not isinstance(given, list) or len(given) != 2 or not all(isinstance(v, int | float) for v in given) or not given[0] < given[1]:
+        raise DeckError("a window is two times, the earlier first.", "studio")
+    return float(given[0]), float(given[1])

@@ -18,8 +18,7 @@ from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Entry, parameter_table
 from thermid.network.network import compile_network
-from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.diagrams.folding import parts_of
+from thermid.reporting.diagrams.diagram import diagram, parts_of
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution

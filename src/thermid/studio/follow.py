@@ -20,8 +20,7 @@ from thermid.measure.record.steadiness import RULES, ChannelStability, Stability
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import forecast
 from thermid.steadiness.stabilisation import Stability
-from thermid.studio.answers import window_of
-from thermid.studio.curves import Window, thinned
+from thermid.studio.curves import Window, thinned, window_of
 from thermid.toml_files import project_root, resolve_inside
 
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")

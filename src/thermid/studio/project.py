@@ -26,7 +26,7 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, deck_text, parameter_table
 from thermid.network.network import compile_network
-from thermid.reporting.blocks.cells import Table
+from thermid.reporting.blocks.content import Table
 from thermid.reporting.pages.tables import levels
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario

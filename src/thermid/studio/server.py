@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.errors import DeckError, ThermidError
-from thermid.studio.answers import as_json
 from thermid.studio.follow import Follower
-from thermid.studio.orders import orders, questions
+from thermid.studio.orders import as_json, orders, questions
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 

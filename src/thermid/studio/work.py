@@ -10,8 +10,7 @@ from typing import Any
 
 from thermid.errors import DeckError, ThermidError
 from thermid.reporting.pages.views import fit_object
-from thermid.studio.courses import Shelf
-from thermid.studio.outcomes import Outcome, run_course
+from thermid.studio.courses import Outcome, Shelf, run_course
 from thermid.studio.project import Project
 
 

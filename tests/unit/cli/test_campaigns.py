@@ -224,10 +224,11 @@ class TestReport:
     def test_a_missing_browser_is_told_before_anything_runs(
         self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from thermid.reporting.blocks import pdf
 
         monkeypatch.setenv("PATH", str(tmp_path))
-        monkeypatch.setattr(pdf, "PLACES", ())
+        from thermid.reporting.blocks import extras
+
+        monkeypatch.setattr(extras, "PLACES", ())
         said = call("report", campaign, "--pdf", tmp_path / "page.pdf")
         assert said.code == 2
         assert "neither Chromium nor Chrome nor Edge is installed" in said.err
@@ -235,11 +236,11 @@ class TestReport:
         assert list(tmp_path.glob("page*")) == []
 
     def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        from thermid.reporting.blocks import pdf
+        from thermid.reporting.blocks import extras
 
         try:
-            pdf.browser()
-        except pdf.NoBrowserError:
+            extras.browser()
+        except extras.NoBrowserError:
             pytest.skip("no Chromium, Chrome or Edge to print with")
         said = call("report", campaign, "--pdf", tmp_path / "out" / "page.pdf", "--json")
         assert said.code == 0, said.out

@@ -120,7 +120,7 @@ def test_no_output_destroys_any_input_by_any_name(call: Call, bench: Path, outpu
 def test_every_one_of_these_commands_can_write(call: Call, bench: Path, output: str, tmp_path: Path) -> None:
     target = tmp_path / f"made{ENDINGS.get(output, '')}"
     if output.endswith("--pdf"):
-        pytest.importorskip("thermid.reporting.blocks.pdf").browser()
+        pytest.importorskip("thermid.reporting.blocks.extras").browser()
     said = call(*OUTPUTS[output], target)
     assert said.code in (0, 1, 4), said.err
     assert target.exists()

@@ -224,6 +224,15 @@ class TestDiagnosis:
         has = sum(float(value_of(row.coefficients[0])) for row in compile_network(model).numbers().conductors if "a.case" in row.ends)
         assert link.size == pytest.approx(0.5 * has)
 
+    def test_a_link_to_a_mass_that_nothing_holds_may_be_a_tenth_of_a_watt_per_kelvin(self) -> None:
+        """No conductance is there that it could be a part of; 0.1 W/K are 10 cm^2 of the least bare joint, 100 W/(m^2 K)."""
+        stone = {"title": "two", "needs": ["air"], "nodes": {n: {"capacitance": "100 [J/K]"} for n in ("case", "stone")}}
+        skin = {"of": "case", "to": "air", "area": "0.05 [m^2]", "effective_htc": "5 [W/(m^2 K)]"}
+        faults = faults_of(td.model_from_dict({**stone, "surfaces": {"skin": skin}}), {"A": "case", "B": "stone"})[1]
+        size = {f.name: f.size for f in faults if f.group == "link"}
+        assert size["missing link stone - air"] == pytest.approx(100.0 * 10e-4)
+        assert size["missing link case - stone"] == pytest.approx(0.5 * 0.05 * 5.0)
+
     @pytest.mark.parametrize("noise", [0.2, None])
     def test_common_shifts_and_loose_sensors_by_least_squares(self, noise: float | None) -> None:
         """Errors that are expected: noise, 0.05 K where none is stated, 0.3 K of each sensor, 0.1 K that wanders over a fifth of the log.

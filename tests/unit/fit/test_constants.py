@@ -18,7 +18,7 @@ from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, loss_of
-from thermid.fit.uncertainty.groups import percent, practical_groups
+from thermid.fit.uncertainty.groups import _few_terms, percent, practical_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
 from thermid.fit.uncertainty.moved import Test as Asked
@@ -308,3 +308,16 @@ class TestWhoGoesTogether:
         total = np.eye(3)
         total[0, 1:] = total[1:, 0] = np.sqrt([0.8, share])
         assert ("T2" in _by_instruments(problem, total, 0)) is named
+
+
+@pytest.mark.parametrize(("unknowns", "judged"), [(25, 300), (26, 1)])
+def test_the_search_for_the_fewest_terms_ends_at_three_hundred_bases(unknowns: int, judged: int) -> None:
+    """Two combinations of 25 unknowns have 300 bases, of 26 have 325: there elimination names one, or the time would grow as a binomial."""
+    asked: list[np.ndarray] = []
+
+    def variance(row: np.ndarray) -> float:
+        asked.append(row)
+        return float(row @ row)
+
+    _few_terms(np.random.default_rng(5).standard_normal((unknowns, 2)), variance)
+    assert len(asked) == 2 * judged

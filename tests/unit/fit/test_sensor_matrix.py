@@ -19,7 +19,7 @@ from thermid.inference.identifiability import identifiability
 from thermid.measure import Record
 from thermid.model.deck.save import save_model
 from thermid.reporting.pages.views import fit_object, swap_object
-from thermid.studio.answers import as_json, curves_object, desk_object, picture, project_object
+from thermid.studio.orders import as_json, curves_object, desk_object, picture, project_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 from unit.fit.bench import HTC, box, log, pair

@@ -14,7 +14,7 @@ from thermid.judge.criteria import Criteria
 from thermid.judge.metrics import METRICS, Metric, Residuals
 from thermid.reporting.pages.study import step_log
 from thermid.reporting.pages.tables import verdicts
-from thermid.reporting.qualification.judged import gates
+from thermid.reporting.qualification.tables import gates
 from unit.qualify.project import PLAN, measured, project, with_log
 
 TIMES = np.arange(0.0, 7201.0, 60.0)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import numpy as np
 import pytest
 
 import thermid as td
 from thermid.model.deck.schema import Deck
 from thermid.model.tree.flat import flatten
 from thermid.network.network import compile_network
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.wiring import Wiring
 from thermid.toml_files import Places
 
 DECK = {
@@ -30,7 +35,7 @@ def test_a_coefficient_is_read_once_and_stays_one_object() -> None:
 
 
 def test_a_coefficient_on_its_way_to_the_kernel() -> None:
-    """Path -> number -> law -> row: what each of them holds of 8 W/(m2 K) on 500 cm2."""
+    """Path -> number -> law -> coefficient beside its structure -> row of the kernel: what each of them holds of 8 W/(m2 K) on 500 cm2."""
     flat = flatten(td.model_from_dict(DECK))
     (film,) = flat.conductors
     assert film.fields["htc"] == "film.htc"
@@ -38,5 +43,21 @@ def test_a_coefficient_on_its_way_to_the_kernel() -> None:
     assert values[film.fields["htc"]] == 8.0
     (law,) = film.laws({name: values[path] for name, path in film.fields.items()})
     assert (law.form, law.coefficients) == ("linear", (pytest.approx(0.4, rel=1e-12),))
-    (row,) = compile_network(td.model_from_dict(DECK)).numbers().conductors
-    assert (row.name, row.ends, row.coefficients) == ("film", ("plate", "air"), law.coefficients)
+
+    network = compile_network(td.model_from_dict(DECK))
+    (row,) = network.numbers().conductors
+    assert [f.name for f in dataclasses.fields(row)] == [
+        "name",
+        "ends",
+        "law",
+        "curve",
+        "signal",
+        "second",
+    ]
+    assert (row.name, row.ends, type(row.law), row.law.coefficients) == ("film", ("plate", "air"), type(law), law.coefficients)
+
+    engine = Engine(Wiring(network, td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="30 [degC]", duration="1 [h]")))
+    assembled, (placed,) = engine.wiring.assemble(), engine.wiring.structure.conductors
+    assert assembled.coefficients[placed.places[0]] == law.coefficients[0]
+    heat, jacobian, _ = engine.rhs(assembled, np.array([303.15]), 0.0)
+    assert (heat[0], jacobian[0, 0]) == (pytest.approx(-4.0, rel=1e-12), pytest.approx(-0.4, rel=1e-12))

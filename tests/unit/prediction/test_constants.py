@@ -15,7 +15,7 @@ from thermid.design.next_test import doubts_without_gas
 from thermid.errors import IdentificationError
 from thermid.knowledge.store import LeftOut
 from thermid.prediction.budget import assumed_values, first_line
-from thermid.prediction.predict import Band, foresee, predict
+from thermid.prediction.predict import Band, _missed_at, foresee, predict
 
 TWO = stats.norm.ppf(0.975)
 
@@ -217,3 +217,36 @@ def test_two_thousand_members_where_derivatives_miss_the_band(sd: float, drawn: 
     fit = case()
     told = predict(fit, BENCH, spread={"skin.area": {"log_sd": sd}})
     assert any("2000 members were drawn" in w for w in told.warnings) is drawn
+
+
+class TestUsedFarFromWhereItWasFound:
+    """The room and the power moved alone: level and difference of a surface with a constant coefficient move by exactly so much."""
+
+    def used_far(self, kelvin: float, ratio: float) -> bool:
+        air = f"{24.0 + kelvin!r} [degC]"
+        there = BENCH.with_(boundaries={"air": air}, start=air, loads={"heat": f"{2.5 * ratio!r} [W]"})
+        return "used further off: skin" in str(predict(case(), there))
+
+    @pytest.mark.parametrize(("kelvin", "far"), [(9.7, False), (10.3, True), (-9.7, False), (-10.3, True)])
+    def test_ten_kelvin_of_level(self, kelvin: float, far: bool) -> None:
+        """There radiation, which goes with the third power of the level, has changed by a tenth: 3 * 10 K / 300 K."""
+        assert self.used_far(kelvin, 1.0) is far
+
+    @pytest.mark.parametrize(("ratio", "far"), [(1.22, False), (1.28, True), (1 / 1.22, False), (1 / 1.28, True)])
+    def test_a_quarter_more_of_the_difference_or_the_inverse(self, ratio: float, far: bool) -> None:
+        """There an exponent of a third has changed a coefficient by 8 %, of a quarter by 6 %."""
+        assert self.used_far(0.0, ratio) is far
+
+
+class TestWhereDerivativesDo:
+    """Decision 124: a band by derivatives may miss that of members by a tenth of its half-width, in its mean and in its width."""
+
+    SCORES = stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
+    ENDS = np.array([-TWO, TWO])
+
+    @pytest.mark.parametrize(("share", "said"), [(0.097, False), (0.103, True)])
+    def test_a_tenth_of_the_half_width(self, share: float, said: bool) -> None:
+        mean = _missed_at("n", TWO, self.ENDS, self.SCORES, np.full(1000, share * TWO))
+        width = _missed_at("n", TWO, self.ENDS, self.SCORES, share * self.SCORES)
+        laws = _missed_at("n", TWO, (1.0 + share) * self.ENDS, self.SCORES, np.zeros(1000))
+        assert [("its mean" in mean.words), ("its width" in width.words), ("not normal" in laws.words)] == [said] * 3

@@ -231,7 +231,7 @@ def test_without_script_the_page_stands_as_it_is(browser: Page, address: str) ->
 
 
 def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
-    from thermid.reporting.blocks.pdf import page_to_pdf
+    from thermid.reporting.blocks.extras import page_to_pdf
 
     if CHROMIUM is None:
         pytest.skip("no Chromium to print with")
@@ -242,23 +242,23 @@ def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
 
 
 def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.reporting.blocks import pdf
+    from thermid.reporting.blocks import extras
 
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(pdf, "PLACES", ())
-    with pytest.raises(pdf.NoBrowserError, match=r"neither Chromium nor Chrome nor Edge is installed\. Install one of them"):
-        pdf.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf")
+    monkeypatch.setattr(extras, "PLACES", ())
+    with pytest.raises(extras.NoBrowserError, match=r"neither Chromium nor Chrome nor Edge is installed\. Install one of them"):
+        extras.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf")
 
 
 def test_a_browser_that_prints_nothing_is_told(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.reporting.blocks import pdf
+    from thermid.reporting.blocks import extras
 
     broken = tmp_path / "chromium"
     broken.write_text("#!/bin/sh\necho out of order >&2\n", encoding="utf-8")
     broken.chmod(0o755)
-    monkeypatch.setattr(pdf, "browser", lambda: str(broken))
-    with pytest.raises(pdf.NoBrowserError, match=r"'chromium' made no PDF of 'page.html'\. It said: out of order"):
-        pdf.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf")
+    monkeypatch.setattr(extras, "browser", lambda: str(broken))
+    with pytest.raises(extras.NoBrowserError, match=r"'chromium' made no PDF of 'page.html'\. It said: out of order"):
+        extras.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf")
     broken.write_text("#!/bin/sh\nsleep 5\n", encoding="utf-8")
-    with pytest.raises(pdf.NoBrowserError, match=r"did not print 'page.html' within 0\.2 s"):
-        pdf.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf", seconds=0.2)
+    with pytest.raises(extras.NoBrowserError, match=r"did not print 'page.html' within 0\.2 s"):
+        extras.page_to_pdf(address.removeprefix("file://"), tmp_path / "page.pdf", seconds=0.2)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from thermid.fit.uncertainty.moved import Move, MovedGroup, Moves
-from thermid.reporting.blocks.cells import DASH
+from thermid.reporting.blocks.content import DASH
 from thermid.reporting.pages.campaign import moved
 
 

@@ -246,7 +246,7 @@ def test_report_is_public() -> None:
     ],
 )
 def test_words_of_terminals_are_printed_as_a_page_does(written: str, printed: str) -> None:
-    from thermid.reporting.blocks.cells import typeset
+    from thermid.reporting.blocks.content import typeset
 
     assert typeset(written) == printed
     assert typeset(printed) == printed

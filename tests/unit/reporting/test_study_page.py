@@ -10,9 +10,23 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.cells import Head, Table
-from thermid.reporting.blocks.sections import Code, Facts, Figures, Formulas, Heading, Notes, Picture, Plot, Section, Words, folded
-from thermid.reporting.pictures.figures import DrawnCurve, ShadedBand, curves
+from thermid.reporting.blocks.content import (
+    Code,
+    Facts,
+    Figures,
+    Formulas,
+    Head,
+    Heading,
+    Notes,
+    Picture,
+    Plot,
+    Section,
+    Table,
+    Words,
+    folded,
+)
+from thermid.reporting.pictures.chart import Area
+from thermid.reporting.pictures.figures import curve, curves
 from webpage import without_script
 
 STUDY = Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml"
@@ -23,8 +37,8 @@ TIMES = np.linspace(0.0, 18000.0, 101)
 @pytest.fixture(scope="module")
 def drawn() -> Plot:
     rise = 24.0 + 10.0 * (1.0 - np.exp(-TIMES / 3600.0))
-    lines = [DrawnCurve("measured", "measured", TIMES, rise), DrawnCurve("a bound", "bound", TIMES, 24.0 + TIMES / 300.0)]
-    return Plot(curves(lines, "one", "a rise", band=ShadedBand("95 %", TIMES, rise - 1, rise + 1), top=40.0), "a caption", "synthetic")
+    lines = [curve("measured", "measured", TIMES, rise), curve("a bound", "bound", TIMES, 24.0 + TIMES / 300.0)]
+    return Plot(curves(lines, "one", "a rise", band=Area("95 %", TIMES, rise - 1, rise + 1), top=40.0), "a caption", "synthetic")
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Table, number, pretty, signed, significant
-from thermid.reporting.pages import origins, tables
+from thermid.reporting.blocks.content import DASH, Cell, Head, Table, number, pretty, signed, significant
+from thermid.reporting.pages import tables
 
 
 def column(table: Table, title: str) -> list[str]:
@@ -137,7 +137,7 @@ def test_local_values_and_correlations_are_listed(campaign: Campaign) -> None:
 
 
 def test_data_have_checksums_uses_and_kind(campaign: Campaign, measured: Campaign) -> None:
-    table = origins.data(campaign)
+    table = tables.data(campaign)
     assert column(table, "record") == ["alone", "together", "held out"]
     assert column(table, "used for") == ["fit component", "fit submodel", "held out, verdict on submodel"]
     assert set(column(table, "kind")) == {"SYNTHETIC"}
@@ -145,13 +145,13 @@ def test_data_have_checksums_uses_and_kind(campaign: Campaign, measured: Campaig
     assert cell.tip == campaign["component"].records["alone"]
     assert len(cell.tip) == 64
     assert cell.tip.startswith(cell.text)
-    assert origins.made_records(campaign) == (("alone", "together", "held out"), 3)
-    assert set(column(origins.data(measured), "kind")) == {"measured"}
-    assert origins.made_records(measured) == ((), 3)
+    assert tables.made_records(campaign) == (("alone", "together", "held out"), 3)
+    assert set(column(tables.data(measured), "kind")) == {"measured"}
+    assert tables.made_records(measured) == ((), 3)
 
 
 def test_hidden_values_are_told(campaign: Campaign) -> None:
-    table = origins.held(campaign["submodel"])
+    table = tables.held(campaign["submodel"])
     mine = row(table, "a.skin.effective_htc")
     assert mine["set by"].text == "stage 'submodel'"
     assert "6 [W/(m^2 K)] (Box)" in mine["hides"].text
@@ -162,11 +162,11 @@ def test_hidden_values_are_told(campaign: Campaign) -> None:
 
 
 def test_models_and_versions_are_told(campaign: Campaign) -> None:
-    line = row(origins.models(campaign), "submodel")
+    line = row(tables.models(campaign), "submodel")
     assert line["identity"].tip == campaign["submodel"].model.identity()
     assert (line["nodes"].text, line["conductors"].text) == ("3", "4")
     assert line["result key"].tip == campaign.keys["submodel"]
-    assert [r[0].text for r in origins.versions().rows] == ["thermid", "numpy", "scipy", "Python", "page made"]
+    assert [r[0].text for r in tables.versions().rows] == ["thermid", "numpy", "scipy", "Python", "page made"]
 
 
 def test_numbers_read_well() -> None:

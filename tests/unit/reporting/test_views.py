@@ -8,7 +8,7 @@ import pytest
 
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.reporting.blocks.cells import Table
+from thermid.reporting.blocks.content import Table
 from thermid.reporting.pages import tables
 from thermid.reporting.pages.views import calibration_object, fit_object, view
 from thermid.units import unit

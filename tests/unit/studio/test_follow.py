@@ -13,8 +13,8 @@ import thermid as td
 from thermid.acquire.benchlog import log_line
 from thermid.acquire.wire import crc16
 from thermid.errors import DeckError, RecordError
-from thermid.studio.answers import as_json
 from thermid.studio.follow import UNFINISHED, Follower
+from thermid.studio.orders import as_json
 
 EVIL = "T<script>alert(1)</script>"
 

@@ -11,7 +11,7 @@ import pytest
 from planted import campaign
 from thermid.campaign.stages import Campaign
 from thermid.reporting.pages.campaign import report
-from thermid.studio.outcomes import outcome_object
+from thermid.studio.courses import outcome_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 

@@ -12,9 +12,9 @@ import pytest
 import thermid as td
 from thermid.errors import DeckError, NameNotFoundError, RecordError, ScenarioError
 from thermid.judge.limits import check_limits, load_limits
-from thermid.studio.answers import as_json, shelf_object, window_of
-from thermid.studio.courses import profile_for, profile_object
-from thermid.studio.outcomes import outcome_object
+from thermid.studio.courses import outcome_object, profile_for, profile_object
+from thermid.studio.curves import window_of
+from thermid.studio.orders import as_json, shelf_object
 from thermid.studio.project import Project
 from thermid.studio.work import Work
 
@@ -200,7 +200,7 @@ def test_a_hostile_title_stays_text(work: Work) -> None:
     ],
 )
 def test_what_cannot_be_run_is_said(work: Work, key: str, asked: dict[str, Any], error: type[Exception], message: str) -> None:
-    from thermid.studio.outcomes import run_course
+    from thermid.studio.courses import run_course
 
     desk = work._project.desk("unit")
     with pytest.raises(error, match=message):

@@ -441,11 +441,11 @@ class Observation:
     measured: Array
     noise: float | None
     accuracy: float | None
-    weight: float = 1.0
-    effective_share: float = 1.0
-    part: SensorPart | None = None
-    seat: str = ""
-    lag: str = ""
+    weight: float
+    effective_share: float
+    part: SensorPart | None
+    seat: str
+    lag: str
 
     def sigma(self, assumed: Mapping[str, float]) -> float:
         """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
-from thermid.physics import conduction, contact, convection, radiation
+from thermid.physics import conduction, contact, radiation
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import TEMPERATURE
 
@@ -50,6 +50,10 @@ class Law:
     medium: str = "solid"
     points: tuple[tuple[Number, Number], ...] = ()
     over: str = "temperature"
+
+    def scaled(self, factor: Number) -> Law:
+        """Return the law with its first coefficient multiplied by a factor."""
+        return replace(self, coefficients=(factor * self.coefficients[0], *self.coefficients[1:]))
 
     def pieces(self) -> tuple[Law, ...]:
         """Return laws of the kernel that act side by side and are this one.
@@ -156,12 +160,12 @@ def _convection(f: Fields) -> Law:
             raise DeckError("a correlation needs a length above zero.")
         return Law("natural", (f["area"], f["htc.length"]), "correlation")
     if "htc" in f:
-        return Law("linear", (convection.convection_conductance(f["htc"], f["area"]),), "gas")
-    return Law("power", (convection.convection_conductance(f["htc.coefficient"], f["area"]), f["htc.exponent"]), "gas")
+        return Law("linear", (f["htc"] * f["area"],), "gas")
+    return Law("power", (f["htc.coefficient"] * f["area"], f["htc.exponent"]), "gas")
 
 
 def _effective(f: Fields) -> Law:
-    return Law("linear", (convection.convection_conductance(f["effective_htc"], f["area"]),), "mixed")
+    return Law("linear", (f["effective_htc"] * f["area"],), "mixed")
 
 
 def _radiation(f: Fields) -> Law:

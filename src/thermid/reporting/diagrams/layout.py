@@ -215,8 +215,7 @@ def _stack(box: Box, rows: Mapping[str, Row], y: float, straight: Mapping[tuple[
     y += HEADER
     for k, item in enumerate(box.items):
         if k:
-            ends = (_last(box.items[k - 1]), _first(item))
-            joined = straight.get((ends[0], ends[1]), [])
+            joined = straight.get((_ends(box.items[k - 1])[1], _ends(item)[0]), [])
             gap = WIDE_GAP if joined else GAP
             for wire in joined:
                 wire.label_y = y + gap / 2
@@ -230,12 +229,10 @@ def _stack(box: Box, rows: Mapping[str, Row], y: float, straight: Mapping[tuple[
     return box.bottom
 
 
-def _first(item: str | Box) -> str:
-    return item if isinstance(item, str) else next(item.leaves(), "")
-
-
-def _last(item: str | Box) -> str:
-    return item if isinstance(item, str) else next(reversed(list(item.leaves())), "")
+def _ends(item: str | Box) -> tuple[str, str]:
+    """Return the uppermost and the lowest node of an item; nothing of a box without any."""
+    leaves = [item] if isinstance(item, str) else [*item.leaves()] or [""]
+    return leaves[0], leaves[-1]
 
 
 def _label_lanes(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:

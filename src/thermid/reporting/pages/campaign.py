@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,74 +16,27 @@ from thermid.errors import ThermidError
 from thermid.explain.balance import energy_balance
 from thermid.explain.criticism import criticise
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.residuals import SensorTrace
 from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
+from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
+from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Graphic
 from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.pages import origins, tables
-from thermid.reporting.pages.glance import glance, tightest
+from thermid.reporting.pages import tables
+from thermid.reporting.pages.tables import glance, tightest
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
+from thermid.simulation.solution import Solution
 from thermid.units import unit
-
-if TYPE_CHECKING:
-    from thermid.fit.problem.residuals import SensorTrace
-    from thermid.model.tree.model import Model
-    from thermid.simulation.solution import Solution
-
 
 FEW = 4
 """Up to so many traces stand open on the page; more are folded away."""
 
 
-@dataclass(frozen=True)
-class TracePart:
-    """One trace that is drawn, what marks it (best, median or worst), and the model where several stand together."""
-
-    block: SensorTrace
-    mark: str
-    model: str
-    drawn: Graphic
-
-
-@dataclass(frozen=True)
-class TraceGroup:
-    """The traces of a stage or of all verdicts that are drawn, and the text that says which."""
-
-    drawn: Sequence[TracePart]
-    text: str
-    opened: bool
-
-
-@dataclass(frozen=True)
-class StagePart:
-    """What the page says of one stage."""
-
-    key: str
-    name: str
-    model: Model
-    facts: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...]
-    diagram: str
-    traces: TraceGroup
-    tables: Mapping[str, Table]
-    trust: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class PredictionPart:
-    """What the page says of one simulated scenario."""
-
-    key: str
-    title: str
-    solution: Solution
-    drawn: Graphic
-    ends: Table
-    diagram: str
-    length: str
+Part = dict[str, object]
+"""What the template says of one stage, trace or scenario, by name."""
 
 
 @takes_objects
@@ -113,7 +64,7 @@ def report(
     ------
     MissingExtraError   When jinja2 is not installed.
     """
-    made, of = origins.made_records(campaign)
+    made, of = tables.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
@@ -130,18 +81,13 @@ def report(
         coefficients=coefficients,
         others=others,
         overview=figures.overview(_dots(campaign)) if campaign.stages else None,
-        stages=[_stage(f"stage-{k}", c, campaign) for k, c in enumerate(_fits(campaign), 1)],
+        stages=[_stage(f"stage-{k}", c, campaign) for k, c in enumerate(campaign.fits, 1)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
-        data=origins.data(campaign),
-        models=origins.models(campaign),
-        versions=origins.versions(),
-        seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(_fits(campaign), 1)}),
+        data=tables.data(campaign),
+        models=tables.models(campaign),
+        versions=tables.versions(),
+        seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(campaign.fits, 1)}),
     )
-
-
-def _fits(campaign: Campaign) -> list[Calibration]:
-    """Return every stage, and the joint fit at the end."""
-    return [*campaign.stages.values(), *([campaign.joint] if campaign.joint is not None else [])]
 
 
 def _inline(svg: str) -> str:
@@ -149,7 +95,8 @@ def _inline(svg: str) -> str:
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
-def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
+def _stage(key: str, c: Calibration, campaign: Campaign) -> Part:
+    """Return what the page says of one stage."""
     samples = sum(s.samples for s in c.sensors.values())
     facts = (
         ("model", c.model.title),
@@ -170,16 +117,29 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> StagePart:
         "moved": moved(c),
         "correlations": tables.correlations(c),
         "areas": tables.areas(c.fitted_model),
-        "held": origins.held(c),
-        "inputs": origins.inputs(c),
+        "held": tables.held(c),
+        "inputs": tables.inputs(c),
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
     picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
-    return StagePart(key, c.stage, c.model, facts, c.warnings, picture, _traces(c.blocks, f"{key}-trace"), shown, trust(campaign, c))
+    return {
+        "key": key,
+        "name": c.stage,
+        "model": c.model,
+        "facts": facts,
+        "warnings": c.warnings,
+        "diagram": picture,
+        "traces": _traces(c.blocks, f"{key}-trace"),
+        "tables": shown,
+        "trust": trust(campaign, c),
+    }
 
 
-def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> TraceGroup:
-    """Return the traces to draw; `models` names the model of each block by its identity."""
+def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> Part:
+    """Return the traces to draw with what marks each, the text that says which, and whether they stand open.
+
+    `models` names the model of each block by its identity, where several stand together.
+    """
     chosen = figures.choose(blocks)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
     if len(chosen) < len(blocks):
@@ -187,16 +147,19 @@ def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] |
             f"{len(chosen)} of {len(blocks)} traces are drawn: for each sensor those with the lowest, the median and the highest RMSE, "
             "and others evenly between them. All statistics count every trace."
         )
-    drawn = [
-        TracePart(
-            b, mark, (models or {}).get(id(b), ""), figures.trace(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated")
-        )
+    drawn: list[Part] = [
+        {
+            "block": b,
+            "mark": mark,
+            "model": (models or {}).get(id(b), ""),
+            "drawn": figures.trace(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated"),
+        }
         for k, (b, mark) in enumerate(chosen)
     ]
-    return TraceGroup(drawn, text, len(chosen) <= FEW)
+    return {"drawn": drawn, "text": text, "opened": len(chosen) <= FEW}
 
 
-def _held_out(campaign: Campaign) -> TraceGroup | None:
+def _held_out(campaign: Campaign) -> Part | None:
     """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
     blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.blocks}
     models = {id(b): model for (model, _, _), b in blocks.items()}
@@ -222,7 +185,8 @@ def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
     return out
 
 
-def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> PredictionPart:
+def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> Part:
+    """Return what the page says of one simulated scenario."""
     columns = [Head("node"), *(Head(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
     rows: list[Line] = []
     for node in solution.nodes:
@@ -236,7 +200,15 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         for m in _models_of(solution, campaign)
     ]
     length = duration(float(solution.times[-1] - solution.times[0]))
-    return PredictionPart(key, title, solution, drawn, Table.of(columns, rows), next(iter(pictures), ""), length)
+    return {
+        "key": key,
+        "title": title,
+        "solution": solution,
+        "drawn": drawn,
+        "ends": Table.of(columns, rows),
+        "diagram": next(iter(pictures), ""),
+        "length": length,
+    }
 
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:

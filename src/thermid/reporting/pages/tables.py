@@ -1,25 +1,33 @@
-"""Tables of a stage and of a campaign: parameters, coefficients by level, sensors, verdicts, areas."""
+"""Tables of a stage and of a campaign - what was fitted, sensors, verdicts, areas, origins - and what decides, for the top of a page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from fractions import Fraction
+from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from thermid.campaign.stages import Campaign
-from thermid.fit.calibration import Calibration, instrument_shares, sensor_shares
+from thermid.fit.calibration import BLAME, Calibration, instrument_shares, sensor_shares
+from thermid.fit.uncertainty.moved import MOVED
 from thermid.judge.criteria import Check
 from thermid.judge.metrics import largest, metric
 from thermid.judge.verdict import Verdict
 from thermid.knowledge.values import FittedValue
+from thermid.measure import Record
 from thermid.model.tree.areas import ledger
+from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.cells import DASH, Cell, Head, Line, Table, number, plain, pretty, signed, significant
+from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
 from thermid.reporting.pages.views import Quantity, view
-from thermid.units import unit
+from thermid.units import NAMES, Dimension, unit
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
@@ -109,7 +117,7 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
                 hits = [lines[-1][1]]
             for found in hits:
                 found[stage] = (float(values[path]), fitted.get(path))
-    told = [(_is_coefficient(names[0][1]), names, found) for names, found in lines]
+    told = [(any(f".{names[0][1]}".endswith(f".{name}") for name in HTC_NAMES), names, found) for names, found in lines]
     htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
     rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
     columns = [
@@ -126,10 +134,6 @@ def _stage_column(fit: Calibration, stage: str) -> Head:
     """Return the column of a stage, with its standing where a reader must know it."""
     told = fit.standing
     return Head(stage, True) if told.fair else Head(f"{stage} ({told.state})", True, told.line(stage))
-
-
-def _is_coefficient(path: str) -> bool:
-    return any(path == name or path.endswith(f".{name}") for name in HTC_NAMES)
 
 
 def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
@@ -299,3 +303,335 @@ def _outside(verdict: Verdict, check: Check) -> str:
     residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
     beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)
     return f"{beyond} of {sum(r.size for r in residuals)}"
+
+
+def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
+    """Yield record, checksum, what it was used for, whether it is synthetic, and the record itself where it is kept."""
+    fits = [("fit", c) for c in campaign.stages.values()]
+    judged = [("held out, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
+    for kind, calibration in [*fits, *judged]:
+        kept = {e.record.name: e.record for e in calibration.experiments}
+        for name, sha in calibration.records.items():
+            record = kept.get(name)
+            yield name, sha, f"{kind} {calibration.stage}", record.origin.synthetic if record else calibration.synthetic, record
+
+
+def made_records(campaign: Campaign) -> tuple[tuple[str, ...], int]:
+    """Return the names of the records that were made and not measured, and how many records there are."""
+    every = {(name, sha): synthetic for name, sha, _, synthetic, _ in _uses(campaign)}
+    return tuple(name for (name, _), synthetic in every.items() if synthetic), len(every)
+
+
+def data(campaign: Campaign) -> Table:
+    """Return every record: what it was used for, file, checksum, whether it was measured, and what was done to its samples."""
+    merged: dict[tuple[str, str], tuple[list[str], bool, Record | None]] = {}
+    for name, sha, use, synthetic, record in _uses(campaign):
+        uses, _, known = merged.setdefault((name, sha), ([], synthetic, record))
+        if use not in uses:
+            uses.append(use)
+        merged[name, sha] = (uses, synthetic, known or record)
+    columns = [
+        Head("record"),
+        Head("used for", wrapped=True),
+        Head("kind"),
+        Head("file"),
+        Head("begins"),
+        Head("duration", True),
+        Head("samples", True),
+        Head("SHA-256 of the samples"),
+        Head("prepared by", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for (name, sha), (uses, synthetic, record) in merged.items():
+        kind = Cell("SYNTHETIC", "made, not measured", "bad") if synthetic else Cell("measured")
+        file, begins, length, samples, steps = DASH, DASH, DASH, DASH, DASH
+        if record is not None:
+            file, begins = record.origin.file, record.origin.start or DASH
+            length, samples = duration(record.duration), str(record.times.size)
+            steps = "; ".join(record.steps) or "nothing"
+        rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
+    return Table.of(columns, rows, "Point at a checksum to see all of it.")
+
+
+def models(campaign: Campaign) -> Table:
+    """Return what each stage rests on: the model's identity and size, the effort, version and date, and the key of its result."""
+    columns = [
+        Head("stage"),
+        Head("model"),
+        Head("identity", False, "hash of what the model means, not of how it is written"),
+        Head("nodes", True),
+        Head("conductors", True),
+        Head("evaluations", True),
+        Head("thermid"),
+        Head("date"),
+        Head("result key", False, "hash of everything that the result depends on"),
+    ]
+    rows: list[Line] = []
+    for stage, c in campaign.stages.items():
+        flat, made = flatten(c.model), c.values.provenance
+        identity, key = str(made.get("model", DASH)), campaign.keys.get(stage, "")
+        sizes = [str(len(flat.nodes)), str(len(flat.conductors)), str(c.evaluations)]
+        code = Cell(identity[:12], identity, "code")
+        made_with = [str(made.get("version", DASH)), str(made.get("date", DASH))]
+        rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
+    return Table.of(columns, rows)
+
+
+def versions() -> Table:
+    """Return what this page was made with."""
+    rows: list[Line] = [[package, _version(package)] for package in ("thermid", "numpy", "scipy")]
+    rows += [["Python", platform.python_version()], ["page made", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")]]
+    return Table.of([Head("what"), Head("version")], rows)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return DASH
+
+
+def held(calibration: Calibration) -> Table:
+    """Return every value of the fitted model: who set it, from what source, and which values it hides."""
+    values = ParameterSet(calibration.fitted_model)
+    numbers = values.evaluate({})
+    columns = [
+        Head("parameter"),
+        Head("value", True),
+        Head("unit"),
+        Head("written as", wrapped=True),
+        Head("source"),
+        Head("set by"),
+        Head("basis", wrapped=True),
+        Head("hides", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for path, entry in values.table.items():
+        literal = entry.parameter.expression.literal
+        offset, factor = (float(literal.unit.offset), float(literal.unit.factor)) if literal else (0.0, 1.0)
+        shown = plain((float(numbers[path]) - offset) / factor, 6)
+        text = literal.unit.text if literal else _unit_text(values.dimension(path))
+        hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
+        written = entry.parameter.text if not literal else DASH
+        look = "main" if path in calibration.values.assignments else ""
+        cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
+        rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
+    return Table.of(columns, rows, "The value that holds for every parameter after the fit; strong where this stage fitted it.")
+
+
+def inputs(calibration: Calibration) -> Table:
+    """Return every boundary, load and start of every record with its source, what is assumed first."""
+    columns = [
+        Head("source"),
+        Head("input"),
+        Head("of"),
+        Head("record"),
+        Head("range", True),
+        Head("mean", True),
+        Head("unit"),
+        Head("what", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for r in calibration.inputs.rows:
+        source = Cell(r.source, "nobody gave it", "warn") if r.source == "assumed" else Cell(r.source)
+        words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
+        rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
+    return Table.of(columns, rows, "What the fit was driven by, and where each of it comes from.")
+
+
+def _unit_text(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension: its usual name, or base units."""
+    for text in NAMES:
+        if unit(text).dimension == dimension:
+            return text
+    return " ".join(f"{b}^{e}" if e != Fraction(1) else b for b, e in zip(("m", "kg", "s", "A", "K"), dimension, strict=True) if e) or "1"
+
+
+MOST, LINES = 8, 5
+"""Fitted values, and remarks of each kind, at the top; the rest stands below."""
+VAGUE = 0.25
+"""Relative half-width of an interval from which a value counts as hardly known."""
+NORMAL = 1.959964
+"""95 % of a normal distribution lie within so many standard deviations."""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """What is said, and the place on the page where more of it stands with what that place is called; empty for none."""
+
+    text: str
+    place: str = ""
+    called: str = ""
+
+
+@dataclass(frozen=True)
+class Glance:
+    """The top of a page.
+
+    Parameters
+    ----------
+    fitted : Table      Values with their 95 % intervals, the uppermost stage first.
+    unknown : tuple     What is not known, each with its place on the page.
+    next : tuple        What to do about it, each with its place on the page.
+    """
+
+    fitted: Table
+    unknown: tuple[Remark, ...]
+    next: tuple[Remark, ...]
+
+
+def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
+    """Return what a reader needs before anything else.
+
+    Parameters
+    ----------
+    campaign : Campaign     What was found.
+    places : dict           Stage, or 'verdicts', -> its place on the page.
+    """
+    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(f(campaign))] for f in (_unknown, _todo))
+    return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
+
+
+def tightest(campaign: Campaign) -> str:
+    """Return which of the verdicts' checks is nearest to its limit, or furthest beyond, and how much of the limit it takes."""
+    checks = [(c.found / c.limit, v.record, c) for v in campaign.verdicts for c in v.checks]
+    if not checks:
+        return "no criterion was judged"
+    used, record, c = max(checks, key=lambda found: found[0])
+    where = f"{'nearest to' if used <= 1.0 else 'furthest beyond'} its limit"
+    return f"{where}: {c.sensor} in {record}, {c.title} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
+
+
+def interval(v: FittedValue) -> tuple[float, float]:
+    """Return the ends of the 95 % interval of a fitted value; of one that was fitted by its logarithm the factor is symmetric. [SI]"""
+    if v.log and v.value > 0 and math.isfinite(v.error):
+        factor = math.exp(NORMAL * v.error / v.value)
+        return v.value / factor, v.value * factor
+    return v.value - NORMAL * v.error, v.value + NORMAL * v.error
+
+
+def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
+    if len(remarks) <= LINES:
+        return tuple(remarks)
+    return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, each at its stage."))
+
+
+def _fits(campaign: Campaign) -> list[Calibration]:
+    """Return all fits, the uppermost first."""
+    return list(reversed(campaign.fits))
+
+
+def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
+    """Yield every fitted parameter with its fit, the uppermost stage first."""
+    for c in _fits(campaign):
+        for v in c.values.parameters.values():
+            yield c, v
+
+
+def _fitted(campaign: Campaign) -> Table:
+    columns = [
+        Head("value"),
+        Head("stage"),
+        Head("found", True),
+        Head("95 % interval", True),
+        Head("unit"),
+    ]
+    every = list(_values(campaign))
+    rows: list[Line] = []
+    for c, v in every[:MOST]:
+        error = v.shown(v.error)
+        ends = Cell("not determined", "", "bad")
+        if math.isfinite(error):
+            ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
+        rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
+    more = f"The {MOST} uppermost of {len(every)}; all of them stand at their stages. " if len(every) > MOST else ""
+    return Table.of(columns, rows, f"{more}Intervals hold the constant errors of sensors and powers.", "What was fitted")
+
+
+def _twins(c: Calibration) -> list[tuple[str, str, float]]:
+    """Return the pairs of parameters that the data hardly tell apart, with their correlation."""
+    return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
+
+
+def _half(v: FittedValue) -> float:
+    """Return the half-width of a 95 % interval over its value. [-]"""
+    low, high = interval(v)
+    return (high - low) / 2 / abs(v.value) if v.value and math.isfinite(v.error) else math.inf
+
+
+def _some(texts: Sequence[str], most: int = 3) -> str:
+    """Return the first of some texts, and how many more there are."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
+def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield what the data do not tell, each with its stage."""
+    if not campaign.verdicts:
+        yield "Whether it predicts: no record was held out.", ""
+    for v in campaign.verdicts:
+        if v.conditional:
+            yield f"{v.record} at {v.model}: the verdict holds only for what was fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
+    for c in _fits(campaign):
+        for value in c.values.parameters.values():
+            if not math.isfinite(value.error):
+                yield f"{value.path}: the logs do not determine it.", c.stage
+            elif at_bound(value):
+                yield f"{value.path} ended at its {at_bound(value)} bound: its error is not meaningful.", c.stage
+        known = [(_half(value), value.path) for value in c.values.parameters.values()]
+        vague = sorted((pair for pair in known if VAGUE < pair[0] < math.inf), reverse=True)
+        if vague:
+            yield f"Hardly known (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
+        twins = [f"{a} with {b}" for a, b, _ in _twins(c)]
+        if twins:
+            yield f"Known together better than each alone: {_some(twins)}.", c.stage
+    for c in _fits(campaign)[:1]:
+        values = ParameterSet(c.fitted_model).table
+        held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
+        if held:
+            yield f"{len(held)} values of {c.model.title} are assumed and were not fitted here, such as {held[0]}.", c.stage
+
+
+def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield what follows from it, each with its stage."""
+    for c in _fits(campaign):
+        if c.contradicted:
+            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+        elif not c.standing.usable and (c.standing.state, c.standing.stage) != ("failed", c.stage):  # what its own verdicts say follows
+            yield f"Do not use {c.stage}: {c.standing.reason(c.stage)}.", c.stage
+    if not campaign.verdicts:
+        yield "Hold a record out and judge it: [[verdicts]] in the campaign.", ""
+    elif campaign.passed:
+        yield _envelope(campaign), ""
+    for v in campaign.verdicts:
+        missed = [c for c in v.checks if not c.passed]
+        if missed:
+            worst = max(missed, key=lambda c: c.found / c.limit)
+            missing = f"{worst.title} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
+            yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
+    for c in _fits(campaign):
+        for m in c.moved.values:
+            if m.verdict == MOVED:
+                yield f"{m.path} moved from what {m.stage} found: look for what the part meets here and not alone.", c.stage
+        for value in c.values.parameters.values():
+            if at_bound(value):
+                yield f"{value.path}: widen its bounds, or doubt the power, area or place that it stands for.", c.stage
+    wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
+    told = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
+    if told:
+        yield f"Residuals wander at {_some(told)}: something is missing there; td.criticise says what.", ""
+    apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
+    if apart:
+        yield (
+            f"{', '.join(reversed(apart))}: td.next_test ranks the tests that would tell values apart.",
+            apart[-1] if len(apart) == 1 else "",
+        )
+
+
+def _envelope(campaign: Campaign) -> str:
+    """Return where the model was seen to hold."""
+    judged = [v.prediction for v in campaign.verdicts if v.prediction is not None]
+    read = [o.measured for fit in judged for e in fit.experiments for o in e.observations if o.measured.size]
+    if not read:
+        return "Use it for what it was judged on."
+    low, high = (float(f(np.concatenate(read))) - ICE_POINT for f in (np.min, np.max))
+    return f"Use it where it was judged: sensors between {low:.0f} and {high:.0f} °C. Beyond that it extrapolates."

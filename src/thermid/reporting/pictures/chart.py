@@ -49,7 +49,7 @@ class Area:
     x: Array
     low: Array
     high: Array
-    colour: tuple[str, str]
+    colour: tuple[str, str] = ("--f-simulated", "#0072b2")
 
 
 @dataclass(frozen=True)

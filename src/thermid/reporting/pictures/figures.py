@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting.blocks.sections import Graphic, LegendEntry
+from thermid.reporting.blocks.content import Graphic, LegendEntry
 from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
-
-if TYPE_CHECKING:
-    from thermid.simulation.solution import Solution
-
+from thermid.simulation.solution import Solution
 
 INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
 SERIES = ("#0072b2", "#c25200", "#00805e", "#b0568c", "#7a5c00", "#2a7fb0", "#7b4fa3", "#222e3c")
@@ -71,7 +67,7 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
 
     Parameters
     ----------
-    blocks : sequence of Block  Every trace of a stage.
+    blocks : sequence of PageBlock  Every trace of a stage.
     most : int                  At most so many.
     """
     size = {id(b): float(np.sqrt(np.mean(b.residuals**2))) for b in blocks}
@@ -134,7 +130,7 @@ def trace(block: SensorTrace, key: str, label: str) -> Graphic:
 
     Parameters
     ----------
-    block : Block   The readings.
+    block : PageBlock   The readings.
     key : str       Prefix of the figure's identifiers, different for every figure of a page.
     label : str     What a screen reader says before what is seen.
     """
@@ -159,7 +155,8 @@ def overview(lines: Sequence[Dots]) -> Graphic:
         return left + (width - left - right) * value / highest
 
     def dot(m: int, x: float, y: float) -> str:
-        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="fill:{_series(m)};fill-opacity:.75"/>'
+        fill = f"fill:var(--s{m % len(SERIES)},{SERIES[m % len(SERIES)]})"
+        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="{fill};fill-opacity:.75"/>'
 
     rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
     out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
@@ -198,10 +195,6 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     return Graphic(markup, tuple(entries), points)
 
 
-def _series(k: int) -> str:
-    return f"var(--s{k % len(SERIES)},{SERIES[k % len(SERIES)]})"
-
-
 def _cut(text: str) -> str:
     return text if len(text) <= 26 else text[:25] + "…"
 
@@ -233,9 +226,8 @@ STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
 """Colour, width [px] and dashes of every look."""
 
 
-@dataclass(frozen=True)
-class DrawnCurve:
-    """One line.
+def curve(label: str, look: str, times: Array, values: Array, less: tuple[str, str] | None = None) -> Stroke:
+    """Return one line for `curves`.
 
     Parameters
     ----------
@@ -245,31 +237,16 @@ class DrawnCurve:
     values : array (times,) In the unit of the axis.
     less : (str, str)       Labels of the two curves whose difference it is, in the same unit; None for no difference.
     """
-
-    label: str
-    look: str
-    times: Array
-    values: Array
-    less: tuple[str, str] | None = None
-
-
-@dataclass(frozen=True)
-class ShadedBand:
-    """An area between two lines, such as an interval; times [s], low and high (times,) in the unit of the axis."""
-
-    label: str
-    times: Array
-    low: Array
-    high: Array
+    return Stroke(label, times, values, *STYLES[look], less=less)
 
 
 def curves(
-    lines: Sequence[DrawnCurve],
+    lines: Sequence[Stroke],
     key: str,
     label: str,
     *,
-    band: ShadedBand | None = None,
-    below: Sequence[DrawnCurve] = (),
+    band: Area | None = None,
+    below: Sequence[Stroke] = (),
     names: tuple[str, str] = ("temperature, °C", ""),
     top: float | None = None,
     size: tuple[float, float] = (440, 250),
@@ -278,31 +255,31 @@ def curves(
 
     Parameters
     ----------
-    lines : sequence of DrawnCurve  What is drawn.
+    lines : sequence of Stroke  What is drawn, over seconds.
     key : str                   Prefix of the figure's identifiers.
     label : str                 What a screen reader says.
-    band : ShadedBand               An interval behind the lines.
+    band : Area                 An interval behind the lines.
     below : sequence            Curves of a second, lower axis, such as differences.
     names : (upper, lower)      What the axes show.
     top : float                 Upper end of the axis, where not everything is to be seen.
     size : (width, height)      [px]
     """
-    length, unit = time_unit(max(float(c.times[-1]) for c in lines))
-    areas = [Area(band.label, band.times / length, band.low, band.high, STYLES["simulated"][0])] if band is not None else []
-    panels = [_panel(names[0], lines, length, areas, top, 2.2)]
+    length, unit = time_unit(max(float(c.x[-1]) for c in lines))
+    areas = [replace(band, x=band.x / length)] if band is not None else []
+    panels = [_axes(names[0], lines, length, areas, top, 2.2)]
     if below:
-        panels.append(_panel(names[1], below, length))
+        panels.append(_axes(names[1], below, length))
     markup, points = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
-    seen = {c.label: STYLES[c.look] for c in (*lines, *below)}
-    entries = [LegendEntry(text, variable, dash, width=width) for text, ((variable, _), width, dash) in seen.items()]
+    seen = {c.label: c for c in (*lines, *below)}
+    entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in seen.items()]
     if band is not None:
         entries.append(LegendEntry(band.label, "--f-simulated", "band"))
     return Graphic(markup, tuple(entries), points)
 
 
-def _panel(
-    name: str, lines: Sequence[DrawnCurve], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
+def _axes(
+    name: str, lines: Sequence[Stroke], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
 ) -> Panel:
     what, _, unit = name.partition(", ")
-    drawn = [Stroke(c.label, c.times / length, c.values, *STYLES[c.look], less=c.less) for c in lines]
+    drawn = [replace(c, x=c.x / length) for c in lines]
     return Panel(what, unit, drawn, areas, top=top, share=share)

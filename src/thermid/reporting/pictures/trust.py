@@ -19,7 +19,7 @@ from thermid.files import PICTURE, write_bytes
 from thermid.inference.profile import Profile, Valley
 from thermid.monte_carlo.hold import Hold, HoldPoint, clock, driven_by
 from thermid.physics.constants import ICE_POINT
-from thermid.profile_runs.profile_run import Phase, ProfileRun
+from thermid.profile_runs.profile_run import ProfileRun
 from thermid.reporting.blocks.extras import extra
 from thermid.reporting.pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
 from thermid.units import unit
@@ -134,13 +134,14 @@ def _profile(figure: Figure, found: Profile) -> None:
 
 def _valley(figure: Figure, found: Valley) -> None:
     """Draw the growth of the sum of squares over two parameters, what 68 and 95 % of trust allow, the valley's floor and the bounds."""
+    from matplotlib.colors import BoundaryNorm
     from matplotlib.ticker import LogLocator
 
     axis: Axes = figure.subplots()
     x, y = _in_unit(found.first, found.units[0]), _in_unit(found.second, found.units[1])
     x, y, rise = _smooth(x, y, found)
     steps = [0, 1, 2.30, 5.99, 15, 40, 100, 300, 1000, 1e12]
-    filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=_steps(steps))
+    filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=BoundaryNorm(steps, 256))
     for (level, name), style in zip(LEVELS.items(), ("-", ":"), strict=True):
         axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
         axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
@@ -226,12 +227,6 @@ def _smooth(x: Any, y: Any, found: Valley) -> tuple[Any, Any, Any]:
     return u, v, np.maximum(rise, 0.0)
 
 
-def _steps(levels: list[float]) -> Any:
-    from matplotlib.colors import BoundaryNorm
-
-    return BoundaryNorm(levels, 256)
-
-
 MOST = 6
 """Limits drawn; those that are passed first."""
 
@@ -277,7 +272,6 @@ def _exceedance(p: HoldPoint, found: Hold, length: float) -> tuple[np.ndarray, n
     return times / length, 100.0 * passed / p.crossings.size
 
 
-"""Nodes drawn; those with the widest swings."""
 SHADES = {
     "way": (GRID, "on the way"),
     "wait": (RESIDUAL, "waiting for the unit"),
@@ -294,7 +288,7 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     length, name = time_unit(run.duration)
     seen: dict[str, Any] = {}
     for phase in run.phases:
-        colour, label = SHADES[_shade(phase)]
+        colour, label = SHADES[phase.kind if phase.power else "off"]
         for at, alpha in ((strip, 0.75), (axis, 0.13)):
             span = at.axvspan(phase.start / length, phase.end / length, color=colour, alpha=alpha, linewidth=0)
         seen.setdefault(label, span)
@@ -334,11 +328,6 @@ def _title(run: ProfileRun) -> str:
     return (
         f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}"
     )
-
-
-def _shade(phase: Phase) -> str:
-    """Return which shade a phase has."""
-    return "off" if not phase.power else phase.kind
 
 
 def _strip(strip: Axes, run: ProfileRun, length: float) -> None:

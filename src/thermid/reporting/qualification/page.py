@@ -3,21 +3,45 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from thermid.arguments import takes_objects
-from thermid.judge.correlation import Correlation
+from thermid.judge.correlation import Correlation, Overlay
+from thermid.judge.criteria import heading
+from thermid.judge.limits import Limits, spans
+from thermid.model.tree.flat import flatten
+from thermid.physics.constants import ICE_POINT
 from thermid.qualify.programme import Qualification
-from thermid.reporting.blocks.cells import DASH, Table
+from thermid.qualify.trial import Trial
+from thermid.reporting.blocks.content import (
+    DASH,
+    Cell,
+    Facts,
+    Figures,
+    Graphic,
+    Head,
+    Heading,
+    LegendEntry,
+    Line,
+    Notes,
+    PageBlock,
+    Plot,
+    Section,
+    Table,
+    Words,
+    folded,
+    number,
+)
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.blocks.sections import Block, Facts, Figures, LegendEntry, Notes, Plot, Section, Words, as_block
-from thermid.reporting.pages.origins import versions
 from thermid.reporting.pages.study import tile
-from thermid.reporting.qualification import judged, tables
-from thermid.reporting.qualification.cells import hours
-from thermid.reporting.qualification.figures import course
-from thermid.reporting.qualification.sections import all_overlays, sections
+from thermid.reporting.pages.tables import versions
+from thermid.reporting.pictures.chart import Area, Stroke
+from thermid.reporting.pictures.figures import compared, curve, curves
+from thermid.reporting.qualification import tables
+from thermid.reporting.qualification.tables import hours, mark
 from thermid.sourced import VERDICTS, weigh
 from thermid.units import counted
 
@@ -84,8 +108,8 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     MissingExtraError   When jinja2 is not installed.
     """
     blocks = [
-        Section.of("deviations", "Deviations", [judged.deviations(c)]),
-        Section.of("gates", "Criteria", [judged.gates(c)]),
+        Section.of("deviations", "Deviations", [tables.deviations(c)]),
+        Section.of("gates", "Criteria", [tables.gates(c)]),
         Section.of("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
         Section.of("made", "Made with", [versions()]),
     ]
@@ -109,15 +133,14 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
 
 
 def _write(
-    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[Block | Table], passed: bool | None, judged: int, **shown: object
+    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[PageBlock], passed: bool | None, judged: int, **shown: object
 ) -> Path:
     """Write a page; one without a failure and with something open says so in its head, in place of a count of what passed."""
     head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
-    blocks = [as_block(b) for b in outcome]
-    return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=blocks, **shown)
+    return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=outcome, **shown)
 
 
-def _what_is_open(q: Qualification) -> list[Block]:
+def _what_is_open(q: Qualification) -> list[PageBlock]:
     """Return what is not decided and why, what was waived, and what must be known of the logs."""
     waived = tuple(f"{n}: held against its limits alone" for n in q.waived)
     remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
@@ -135,7 +158,7 @@ def _signatures(q: Qualification) -> list[str]:
     return out
 
 
-def _courses(q: Qualification) -> list[Block]:
+def _courses(q: Qualification) -> list[PageBlock]:
     """Return the worst part of every test over time."""
     plots: list[Plot] = []
     legend: dict[str, LegendEntry] = {}
@@ -147,3 +170,265 @@ def _courses(q: Qualification) -> list[Block]:
             plots.append(Plot(drawn, f"{t.test.name}: {worst.point}, {worst.state}, {worst.by}, {far}: {VERDICTS[met]}"))
             legend |= {e.label: e for e in drawn.legend if e.label not in legend}
     return [Figures(tuple(plots), tuple(legend.values()))] if plots else []
+
+
+SYNTHETIC = "synthetic"
+
+
+def sections(q: Qualification) -> list[Section]:
+    """Return the sections of a correlation report, in their order."""
+    content = q.plan.content
+    logged = [t for t in q.trials if t.correlation is not None]
+    predictions = [
+        folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials
+    ]
+    objectives = [Notes(tuple(content.objectives), "Objectives"), Notes(tuple(content.success), "Success criteria")]
+    return [
+        Section.of("objectives", "Objectives and success criteria", [*objectives, folded("Criteria, with their sources", [_criteria(q)])]),
+        Section.of("configuration", "Article and model configuration", _configuration(q), "Configuration"),
+        Section.of("sensors", "Sensors", [tables.sensors(q)]),
+        Section.of("tests", "Test cases as run", _as_run(q), "Test cases"),
+        Section.of(
+            "power",
+            "Boundaries, power, heater duty, heat leaks",
+            [tables.boundaries(q), *_leaks(q), *tables.duties(q)],
+            "Boundaries and power",
+        ),
+        Section.of("stabilisation", "Stabilisation", _stabilisation(q)),
+        Section.of("predicted", "Pre-test predictions and measurements", predictions, "Predictions and readings"),
+        Section.of("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
+        Section.of("parameters", "Parameter changes", [tables.changes(q)] if q.known.values else [Words("Nothing was fitted.")]),
+        Section.of("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
+        Section.of("overlays", "Transient overlays", _transients(logged), "Overlays"),
+        Section.of("excluded", "Excluded sensors", [tables.excluded(q)] if content.exclusions.reasons else [Words("None.")]),
+        Section.of("discrepancies", "Remaining discrepancies", _open(q), "Discrepancies"),
+        Section.of(
+            "margins",
+            "Uncertainty, limits and margins",
+            [
+                tables.margin_table(q),
+                Heading("What the uncertainty holds"),
+                tables.counted(q),
+                Heading("Predictions of the service cases"),
+                tables.service(q),
+                folded("Every limit in every test", [tables.checks(q)]),
+            ],
+            "Margins",
+        ),
+        Section.of("validity", "Validity envelope", [*_envelope(q), tables.outside(q)]),
+        Section.of("assumptions", "What is assumed, by its effect", _assumed(q), "Assumptions"),
+        Section.of("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
+    ]
+
+
+def _criteria(q: Qualification) -> Table:
+    used = dict.fromkeys(n for t in q.plan.tests for n in t.criteria)
+    shown = dict.fromkeys(("mean", "spread", "each", "rmse", *(key for name in used for key in q.plan.criteria[name].limits)))
+    columns = [Head("set"), *(Head(f"{heading(key)}, K", True) for key in shown), Head("for"), Head("mark"), Head("source", wrapped=True)]
+    rows: list[Line] = []
+    for name in used:
+        c = q.plan.criteria[name]
+        sizes = [number(c.limits[key], 3) if key in c.limits else DASH for key in shown]
+        rows.append([Cell(name, "", "main"), *sizes, ", ".join(c.kinds), mark(c.mark), c.source or DASH])
+    return Table.of(columns, rows)
+
+
+def _configuration(q: Qualification) -> list[PageBlock]:
+    given = q.plan.content.configuration
+    rows: list[Line] = [[d.what, d.effect or DASH] for d in given.differences]
+    flat = flatten(q.known.model)
+    size = (("model", q.known.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
+    table = Table.of([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
+    return [
+        Facts((("as tested", given.as_tested or DASH), ("as flown", given.as_flown or DASH), *size)),
+        table if rows else Words("No differences stated."),
+    ]
+
+
+def _as_run(q: Qualification) -> list[PageBlock]:
+    rows: list[Line] = []
+    for t in q.trials:
+        deviations = "; ".join(t.test.deviations) or ("none stated" if t.correlation is not None else DASH)
+        log = Cell("SYNTHETIC", t.log_sha256, "bad") if t.synthetic else Cell(t.log_sha256[:12] or DASH, t.log_sha256, "code")
+        where = [t.test.host or "alone", t.test.orientation or DASH, t.test.gravity or DASH]
+        rows.append([Cell(t.test.name, "", "main"), t.test.purpose or DASH, t.test.state, t.test.date or DASH, *where, deviations, log])
+    columns = [
+        Head("test"),
+        Head("purpose", wrapped=True),
+        Head("state"),
+        Head("date"),
+        Head("on"),
+        Head("orientation"),
+        Head("gravity"),
+    ]
+    return [Table.of([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
+
+
+def _leaks(q: Qualification) -> list[PageBlock]:
+    rows: list[Line] = []
+    for t in q.trials:
+        given = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
+        own = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
+        flows = t.foresight.solution.heat_flows
+        means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in own if path in flows]
+        stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())
+        rows.append([Cell(t.test.name, given, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
+    return [
+        Table.of(
+            [
+                Head("test"),
+                Head("what is not known exactly", wrapped=True),
+                Head("heat leaks of the test", wrapped=True),
+            ],
+            rows,
+        )
+    ]
+
+
+def _stabilisation(q: Qualification) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for t in (t for t in q.trials if t.course is not None):
+        assert t.course is not None
+        waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} of waiting for the unit"
+        left = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
+        out.append(folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {left:.1f} K unfinished when a dwell begins"))
+        out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
+    for t in (t for t in q.trials if t.settled):
+        held = sum(s.stable for s in t.settled)
+        out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], f"{held} of {len(t.settled)} stretches settled by the rule"))
+    return out or [Words("No test of this plan waits for its unit, and no settled stretch was logged.")]
+
+
+def _heat(q: Qualification) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for t in q.trials:
+        b = t.foresight.solution.heat_balance()
+        told = (
+            f"loads {number(b.loads / 1e3, 4)} kJ, to boundaries {number(b.boundaries / 1e3, 4)} kJ, stored {number(b.stored / 1e3, 4)} kJ"
+        )
+        out.append(folded(t.test.name, [Words(f"{told}; what does not add up: {b.relative:.1e} of it."), tables.flows(t)]))
+    return out
+
+
+def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for t in logged:
+        c = t.correlation
+        assert c is not None
+        out.append(Heading(t.test.name))
+        out.append(Facts(tuple((name, VERDICTS[passed]) for name, passed in c.verdicts.items())))
+        if c.failed:
+            out.append(tables.gates(c, failed_only=True))
+        if t.diagnosis is not None:
+            out += [Words(str(t.diagnosis).splitlines()[0][0].upper() + str(t.diagnosis).splitlines()[0][1:] + "."), tables.diagnoses(t)]
+        out += [folded("Every sensor", [tables.deviations(c)]), folded("Every gate", [tables.gates(c)], f"{len(c.gates)}")]
+    return out or [Words("No log has come back yet.")]
+
+
+def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for k, t in enumerate(logged):
+        assert t.correlation is not None
+        out += [Heading(t.test.name), all_overlays(t.correlation, f"over-{k}", t.synthetic)]
+    return out or [Words("No log has come back yet.")]
+
+
+def _open(q: Qualification) -> list[PageBlock]:
+    found = [*q.plan.content.discrepancies]
+    found += [
+        f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"
+        + ("" if t.diagnosis.single else "; no single fault explains most of it")
+        for t in q.trials
+        if t.diagnosis is not None and t.diagnosis.best is not None
+    ]
+    return [Notes(tuple(found), "Open")] if found else [Words("None stated and none found.")]
+
+
+def _envelope(q: Qualification) -> list[PageBlock]:
+    v = q.plan.content.validity
+    pairs = [
+        ("temperature", v.temperature),
+        ("pressure", v.pressure),
+        ("power", v.power),
+        ("gravity", v.gravity),
+        ("orientation", v.orientation),
+    ]
+    said = tuple((name, " .. ".join(given) if name != "orientation" else ", ".join(given)) for name, given in pairs if given)
+    return [Facts(said or (("calibrated", "the plan does not say where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
+
+
+def _assumed(q: Qualification) -> list[PageBlock]:
+    if not q.assumptions:
+        return [Words("Nothing is assumed: every value of the decks has another source.")]
+    whole = tables.assumed(q)
+    few = Table(whole.columns, whole.rows[:12], whole.caption)
+    return [few, *([folded("All of them", [whole], f"{len(whole.rows)} values")] if len(whole.rows) > 12 else [])]
+
+
+def _delivery(q: Qualification) -> Table:
+    model = q.known.model
+    flat = flatten(model)
+    sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
+    rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of what the model means", "code")]]
+    rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")], ["lock", str(q.lock)]]
+    for v in q.known.values:
+        rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
+    rows.append(["runs", ", ".join(t.test.name for t in q.trials)])
+    return Table.of([Head("what"), Head("is", wrapped=True)], rows)
+
+
+def _files(q: Qualification) -> Table:
+    """Return the files that the plan rests on and the logs that came back, each with the hash of what was read."""
+    rows: list[Line] = [[name, "plan", Cell(sha[:16], sha, "code")] for name, sha in sorted(q.plan.files.items())]
+    rows += [
+        [t.test.log.file, f"log of {t.test.name}", Cell(t.log_sha256[:16], t.log_sha256, "code")]
+        for t in q.trials
+        if t.test.log is not None
+    ]
+    note = (
+        "SHA-256, its beginning: of a deck of the plan, of what its model means; of a log, of its samples; of any other file, of its bytes."
+    )
+    return Table.of([Head("file"), Head("of"), Head("hash")], rows, note)
+
+
+def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
+    """Return the readings of every sensor over what is simulated in their place."""
+    drawn = [(o, overlay(o, f"{key}-{k}", f"{o.sensor} in {o.case}")) for k, o in enumerate(c.overlays)]
+    tag = SYNTHETIC if synthetic else ""
+    return Figures(
+        tuple(Plot(d, f"{o.sensor} in {o.case}" + (f", at {o.node}" if o.node else ""), tag) for o, d in drawn), drawn[0][1].legend
+    )
+
+
+def overlay(o: Overlay, key: str, label: str) -> Graphic:
+    """Return readings with the band of their sensor's error (95 %), the simulation over them, and the difference below."""
+    wide = 1.96 * float(np.hypot(o.accuracy, o.noise))
+    return compared(o.times, o.measured, o.simulated, key, label, below="difference", wide=wide)
+
+
+LOOKS = {"operating": "bound", "non-operating": "bound off", "start-up": "bound start"}
+
+
+def course(t: Trial, key: str) -> Graphic | None:
+    """Return the worst part of a test over time with its 95 % interval, and its limits where their state holds; None without a limit.
+
+    The line is what was held against the limits: the run with the best values, or the readings.
+    """
+    worst = t.worst
+    if worst is None:
+        return None
+    band = t.foresight.prediction[worst.node]
+    low, high = band.interval()
+    lines = [curve("simulated", "simulated", band.times, band.simulated - ICE_POINT)]
+    read = [o for o in t.correlation.overlays if o.node == worst.node] if t.correlation is not None and worst.by == "measured" else []
+    lines += [curve("measured", "measured", o.times, o.measured - ICE_POINT) for o in read]
+    lines += [line for one in t.limits if one.point == worst.point for line in _limits(t, one)]
+    return curves(lines, key, f"{worst.point} in {t.test.name}", band=Area("95 % interval", band.times, low, high), size=(440, 240))
+
+
+def _limits(t: Trial, one: Limits) -> Iterator[Stroke]:
+    """Yield the limits of a point as lines over the stretches in which their state holds."""
+    for s in spans(t.foresight.solution, one, "operating" if t.test.operating else "non-operating"):
+        ends = np.array([s.start, s.end])
+        for limit in (x for x in s.limits if np.isfinite(x)):
+            yield curve(f"limit, {s.state}", LOOKS[s.state], ends, np.full(2, limit - ICE_POINT))

@@ -325,7 +325,7 @@ class KernelProblem:
         """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
         s = self.wiring.structure
         tables: list[tuple[Array, Array, Array]] = []
-        conductors = [row_form(p.row.law, p, tables, refuse) for p in s.conductors]
+        conductors = [row_form(p.row.kernel, p, tables, refuse) for p in s.conductors]
         loads = [row_form(LOADS[p.row.form], p, tables, refuse) for p in s.loads]
         return _kernel.Problem(
             capacity=ints(s.capacity),

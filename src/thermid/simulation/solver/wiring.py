@@ -222,7 +222,7 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
                 )
                 out[row.name, position, c] = moving
     count = len(base.conductors)
-    conductors = tuple(replace(row, coefficients=own) for row, own in zip(base.conductors, kept[:count], strict=True))
+    conductors = tuple(replace(row, law=replace(row.law, coefficients=own)) for row, own in zip(base.conductors, kept[:count], strict=True))
     loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:], strict=True))
     return replace(base, conductors=conductors, loads=loads), out
 
@@ -457,7 +457,7 @@ class Wiring:
         now = course.value if isinstance(course, Constant) else 1.0
         factor = streams.shifted(row.name, self.scenario.boundaries, offsets) * (now / within if within else 0.0)
         signal = "" if isinstance(course, Constant) else signal_of(row.name)
-        return replace(row, coefficients=(row.coefficients[0] * factor,), signal=signal)
+        return replace(row, law=row.law.scaled(factor), signal=signal)
 
     def _marked(self, numbers: Numbers) -> Numbers:
         """Mark scheduled conductors as changing in time, so that elimination leaves them alone."""

@@ -1,11 +1,11 @@
-"""Tables as values, and numbers as a person reads them."""
+"""What a page is made of: tables, words, notes, figures, pictures, code and formulas, in sections; numbers as a person reads them."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from thermid.sourced import MARKS
 
@@ -39,8 +39,17 @@ class Head:
     wrapped: bool = False
 
 
+class PageBlock:
+    """One thing on a page; the template asks for its kind."""
+
+    @property
+    def kind(self) -> str:
+        """Its class as the template writes it."""
+        return type(self).__name__.lower()
+
+
 @dataclass(frozen=True)
-class Table:
+class Table(PageBlock):
     """A table of a report.
 
     Parameters
@@ -159,3 +168,149 @@ def duration(seconds: float) -> str:
     if seconds <= 300:
         return f"{seconds:.4g} s"
     return f"{seconds / 60:.4g} min" if seconds < 3 * 3600 else f"{seconds / 3600:.4g} h"
+
+
+@dataclass(frozen=True)
+class Words(PageBlock):
+    """A paragraph."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Heading(PageBlock):
+    """A heading within a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Notes(PageBlock):
+    """What a reader must not miss, a line each."""
+
+    lines: tuple[str, ...]
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Facts(PageBlock):
+    """Names with values, side by side."""
+
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class LegendEntry:
+    """One line of a legend: what it is, the variable of its colour, its dash pattern ('band' for an area), or its mark; its width. [px]"""
+
+    label: str
+    variable: str
+    dash: str = ""
+    mark: str = ""
+    width: float = 2.0
+
+
+@dataclass(frozen=True)
+class Graphic:
+    """A figure as markup to stand in the page.
+
+    Parameters
+    ----------
+    markup : str                    An inline SVG.
+    legend : tuple of LegendEntry   What the colours mean.
+    points : int                    How many points were drawn.
+    """
+
+    markup: str
+    legend: tuple[LegendEntry, ...]
+    points: int
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure with its caption; `tag` marks what it rests on, such as synthetic data."""
+
+    drawn: Graphic
+    caption: str
+    tag: str = ""
+
+
+@dataclass(frozen=True)
+class Figures(PageBlock):
+    """Figures side by side under one legend, or one wide figure."""
+
+    plots: tuple[Plot, ...]
+    legend: tuple[LegendEntry, ...] = ()
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Picture(PageBlock):
+    """A diagram as SVG text made by thermid."""
+
+    svg: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Formulas(PageBlock):
+    """Formulas as MathML made by thermid, a line each, with the number that each has elsewhere."""
+
+    lines: tuple[tuple[str, str], ...]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Code(PageBlock):
+    """A text in a fixed width."""
+
+    text: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class FoldOut(PageBlock):
+    """Blocks that open on demand."""
+
+    title: str
+    blocks: tuple[PageBlock, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a page.
+
+    Parameters
+    ----------
+    key : str           Its place, for links.
+    title : str         Its heading.
+    blocks : tuple      What it holds; a `Table` may stand for itself.
+    short : str         What the contents call it; the title by default.
+    """
+
+    key: str
+    title: str
+    blocks: tuple[PageBlock, ...]
+    short: str = ""
+
+    @classmethod
+    def of(cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "") -> Section:
+        """Return a section; tables become blocks, and one without a title has that of the heading above it."""
+        return cls(key, title, _titled(title, blocks), short or title)
+
+
+def folded(title: str, blocks: Sequence[PageBlock], note: str = "") -> FoldOut:
+    """Return blocks that open on demand; tables become blocks, and one without a title has that of what is folded."""
+    return FoldOut(title, _titled(title, blocks), note)
+
+
+def _titled(title: str, blocks: Sequence[PageBlock]) -> tuple[PageBlock, ...]:
+    out: list[PageBlock] = []
+    for block in blocks:
+        if isinstance(block, Heading):
+            title = block.text
+        elif isinstance(block, Table) and not block.title:
+            block = replace(block, title=title)
+        out.append(block)
+    return tuple(out)
