@@ -1,6 +1,6 @@
 """Write docs/schema/deck.schema.json, by which an editor checks and completes a deck.
 
-Run it as ``python scripts/write_schema.py``; tests/unit/model/test_schema.py fails when the file is not current.
+Run it as ``.venv/bin/python scripts/write_schema.py``; tests/unit/model/test_parts.py fails when the file is not current.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The kinds of conductor: each one a recipe from the parameters of a deck to rows of the kernel's law table.
 
-To add a kind: write one recipe below, add one line to KINDS, one test, and one line to docs/nomenclature.md. CONTRIBUTING.md shows it.
+To add a kind: write one recipe below, add one line to KINDS, one test, and one line to docs/nomenclature.md. docs/recipes.md shows it.
 """
 
 from __future__ import annotations
