@@ -192,6 +192,7 @@ def allowed_rooms(package: str) -> set[str]:
 
 
 SAYING = MEASURE - {"measure.amounts"} | FIT | ABOVE_FIT | TESTED | REPORTING | {"campaign", "qualify"} | MODEL | SIMULATION | OPTIONAL
+SAYING |= {"network", "knowledge"}
 
 
 @pytest.mark.parametrize("package", sorted(SAYING - {"model", "simulation"}))

@@ -2,4 +2,5 @@
 
 In: fitted values with covariances, values files, stated spreads. Out: a `Store`: states of values and instruments with their responses
 to named sources, laid over a model, saved, cut and joined; values with errors as a view of it.
+May import: `model`, `measure`, `physics` and the foundation.
 """
