@@ -35,7 +35,6 @@ INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 READS = {"read_text", "read_bytes"}
 NO_INPUT = {
     "thermid.files": "reading is its work",
-    "thermid.seals": "what is there already is looked at, not used",
     "thermid.acquire.bench_files": "the map is changed in its place",
     "thermid.acquire.benchlog": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",

@@ -23,13 +23,13 @@ FOUNDATION = {
     "files",
     "toml_files",
     "grammar",
-    "seals",
     "memo",
     "_units_table",
     "units",
     "expression",
     "dual",
     "linear_algebra",
+    "renamed",
 }
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
@@ -44,11 +44,11 @@ ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "arguments": {"errors"},
     "extensions": {"errors"},
-    "seals": set(),
-    "files": {"errors", "seals"},
+    "files": {"errors"},
     "toml_files": {"errors", "files"},
     "grammar": {"errors"},
     "memo": set(),
+    "renamed": set(),
     "_units_table": set(),
     "dual": set(),
     "linear_algebra": set(),

@@ -37,10 +37,10 @@ from thermid.files import (
     replacing,
     scratch,
     sweep,
+    unsealed,
     write_bytes,
     write_text,
 )
-from thermid.seals import unsealed
 
 PNG = (
     b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q"

@@ -22,6 +22,7 @@ from thermid.model.tree.boxes import node_boxes, part_boxes
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
 from thermid.physics.constants import ICE_POINT
+from thermid.renamed import Renamed
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.problem import Options
 from thermid.toml_files import Places, read_toml, resolve_inside
@@ -89,7 +90,7 @@ class ProcedureAction:
 
 
 @dataclass(frozen=True, eq=False)
-class LogEntry:
+class LogEntry(Renamed):
     """One line of the log: how one sensor was met in one record of one stage or verdict.
 
     Parameters

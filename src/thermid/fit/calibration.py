@@ -23,6 +23,7 @@ from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table
+from thermid.renamed import Renamed
 from thermid.units import counted, unit
 
 LOUD = "NOT CREDIBLE: "
@@ -109,7 +110,7 @@ class Local:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Renamed):
     """The result of a fit; it changed nothing.
 
     Parameters

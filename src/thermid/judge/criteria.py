@@ -14,6 +14,7 @@ from thermid.errors import IdentificationError, ScenarioError, nearest
 from thermid.judge.metrics import METRICS, Residuals, metric, metric_keys
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
+from thermid.renamed import Renamed
 from thermid.sourced import check_mark
 
 KINDS = ("steady", "transient")
@@ -68,6 +69,8 @@ class Criteria:
         **more: str | float,
     ) -> None:
         place = where or (f"criteria '{name}'" if name else "criteria")
+        if limits is not None and not isinstance(limits, Mapping):
+            raise ScenarioError(f"limits are a table, not {limits!r}: Criteria(rmse='0.5 [K]', max_error='2 [K]').", place)
         common = _kelvin({**(limits or {}), **more}, place)
         sensor_limits = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
         check_mark(mark, place)
@@ -167,7 +170,7 @@ CRITERIA = {
 
 
 @dataclass(frozen=True, eq=False)
-class Deviation:
+class Deviation(Renamed):
     """Residuals of one sensor in one case.
 
     Parameters
@@ -212,7 +215,7 @@ class Deviation:
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Renamed):
     """One criterion, judged.
 
     Parameters

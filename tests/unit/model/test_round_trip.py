@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from thermid.errors import DeckError, OutputError
+from thermid.files import unsealed
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.deck.save import save_model
 from thermid.model.parts.kinds import KINDS
@@ -18,7 +19,6 @@ from thermid.model.tree.identity import to_dict
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.network.rows import CONTROLS, LOADS
-from thermid.seals import unsealed
 
 Decks = Callable[..., Model]
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -18,6 +18,7 @@ from thermid.fit.problem.residuals import Bench, Problem, loss_of
 from thermid.linear_algebra import Array, Indices, finite, square_root
 from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.tree.flat import FlatLoad
+from thermid.renamed import Renamed
 
 STRETCHES = 80
 """A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
@@ -131,7 +132,7 @@ FEWEST = 12
 
 
 @dataclass(frozen=True)
-class TraceNoise:
+class TraceNoise(Renamed):
     """The residuals of one sensor in one record, as an independent part and one that wanders.
 
     Parameters
@@ -154,7 +155,7 @@ class TraceNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Autocorrelation:
+class Autocorrelation(Renamed):
     """Autocorrelation of the residuals of a fit, trace by trace, and what it does to the errors.
 
     Parameters

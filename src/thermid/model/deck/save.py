@@ -14,11 +14,10 @@ from tomlkit.items import InlineTable, Item, Table
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
-from thermid.files import DECK, OWN, may_write, write_text
+from thermid.files import DECK, OWN, may_write, unsealed, write_text
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.identity import to_dict, written
 from thermid.model.tree.model import Model
-from thermid.seals import unsealed
 
 
 def _file_name(title: str) -> str:
