@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import look_up
 from thermid.files import CREDIBILITY, write_text
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
@@ -82,9 +82,7 @@ class CredibilityRecord(Mapping[str, ValueRecord]):
         ------
         NameNotFoundError   With the nearest path.
         """
-        if path not in self.values_:
-            raise NameNotFoundError(f"no value '{path}'.{nearest(path, self.values_)}", self.title)
-        return self.values_[path]
+        return look_up(path, self.values_, "no value '{}'.", self.title)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the paths."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
+from thermid.errors import MissingDataError, NameNotFoundError, RecordError, look_up, refuse_unknown
 from thermid.files import was_read
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_plain
@@ -122,9 +122,7 @@ class Weather:
         ------
         NameNotFoundError   When the weather has none of that name.
         """
-        if quantity not in self.series:
-            raise NameNotFoundError(f"no '{quantity}'; it has {', '.join(self.series)}.{nearest(quantity, self.series)}", self.name)
-        return self.series[quantity]
+        return look_up(quantity, self.series, "no '{}'; it has {known}.", self.name)
 
     def __contains__(self, quantity: object) -> bool:
         """Whether the weather has a quantity."""
@@ -398,9 +396,7 @@ def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, float, flo
 def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, time: str | None) -> Columns:
     """Return a plain table as columns; a quantity that the table is asked for by name must be there."""
     table = read_plain(path, time)
-    for quantity in columns or {}:
-        if quantity not in QUANTITIES:
-            raise NameNotFoundError(f"no quantity '{quantity}'.{nearest(quantity, QUANTITIES)}", table.file)
+    refuse_unknown(columns or {}, QUANTITIES, table.file, "no quantity '{}'.", NameNotFoundError)
     wanted = dict(columns or {n: n for n in table.names if n in QUANTITIES})
     found = {q: table.column(column, QUANTITIES[q], USUAL.get(q, "")) for q, column in wanted.items()}
     return Columns(table.times - table.times[0], found, _instant(table.stamp, begin, table.file), _step(table.times), False, {})

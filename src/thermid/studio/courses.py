@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ScenarioError, ThermidError, nearest
+from thermid.errors import ScenarioError, ThermidError, look_up
 from thermid.judge.limits import LimitCheck, Limits, check_limits, read_limits, spans
 from thermid.judge.margins import Margin, margins
 from thermid.model.parts.parameter import UNJUDGED, Standing
@@ -75,9 +75,7 @@ class Shelf:
         NameNotFoundError   When there is none of that key.
         """
         known = self.courses(desk)
-        if key not in known:
-            raise NameNotFoundError(f"there is nothing called '{key}' to run.{nearest(key, known)}", desk.title)
-        return known[key]
+        return look_up(key, known, "there is nothing called '{}' to run.", desk.title)
 
     def limits(self, desk: Desk) -> tuple[tuple[Limits, ...], str]:
         """Return the limits beside the deck whose nodes its model has, and the files that hold them."""

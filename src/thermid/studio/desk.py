@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import attached, corrected
 from thermid.fit.problem.residuals import Bench, Problem
@@ -99,8 +99,7 @@ class Desk:
         for path, value in values.items():
             if path in self.others:
                 continue
-            if path not in known:
-                raise NameNotFoundError(f"no slider '{path}'.{nearest(path, known)}", self.title)
+            refuse_unknown([path], known, self.title, "no slider '{}'.", NameNotFoundError)
             of = unit(known[path].unit)
             out |= dict.fromkeys((path, *known[path].also), value * float(of.factor) + float(of.offset))
         return out

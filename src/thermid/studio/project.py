@@ -15,7 +15,7 @@ from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.retune import RetunePlan, plan_retune
 from thermid.campaign.stages import Campaign, keyed, request_of
-from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import build_problem
@@ -116,8 +116,7 @@ class Project:
         ------
         NameNotFoundError   With the nearest name.
         """
-        if name not in self.stages:
-            raise NameNotFoundError(f"no stage '{name}'.{nearest(name, self.stages)}", self.title)
+        refuse_unknown([name], self.stages, self.title, "no stage '{}'.", NameNotFoundError)
         return name
 
     def look(self, name: str) -> StageState:

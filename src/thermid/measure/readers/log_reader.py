@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
 from thermid.measure.amounts import amount
 from thermid.measure.readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure.readers.columns import decimal_sign, find_column, kelvin_sized, name_and_unit, numbers
@@ -307,8 +307,7 @@ class PlainTable:
         return self._clock[1]
 
     def _at(self, name: str) -> int:
-        if name not in self.names:
-            raise NameNotFoundError(f"no column '{name}'.{nearest(name, self.names)}", self.file)
+        refuse_unknown([name], self.names, self.file, "no column '{}'.", NameNotFoundError)
         return self.names.index(name)
 
     def column(self, name: str, slot: str, usual: str = "") -> FloatArray:
@@ -333,11 +332,9 @@ class PlainTable:
         text = usual if usual and self.heads[at][1] is None else self.heads[at][1] or ("K" if slot == "temperature" else slot)
         if slot == "1" and text in ("deg", "°"):
             text = "1"
-        try:
+        with errors_at(self.cells.where(None, name)):
             of = unit(text)
             require(of.dimension, slot, text, of.absolute)
-        except ThermidError as error:
-            raise error.located(self.cells.where(None, name)) from None
         return parsed * float(of.factor) + float(of.offset)
 
     def whole(self, name: str, slot: str, usual: str = "") -> FloatArray:

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.errors import NameNotFoundError, RecordError, nearest, refuse_unknown
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.units import format_value, unit
@@ -139,8 +139,7 @@ class Channel:
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
         if self.samples not in ("", *SAMPLES):
             raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where)
-        if self.role not in ROLES:
-            raise RecordError(f"no role '{self.role}'; it is one of {', '.join(ROLES)}.{nearest(self.role, ROLES)}", where)
+        refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
         for word, size, least in (
             ("noise", self.noise, "above"),
             ("accuracy", self.accuracy, "not below"),

@@ -380,7 +380,7 @@ class Record(Samples):
             if not isinstance(table, Mapping) or len(table) != 1:
                 raise RecordError(f"{table!r} is no step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
             ((name, given),) = table.items()
-            refuse_unknown(table, STEPS, where, "step")
+            refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
             options = _options(STEPS[name], given, f"{where}, {name}")
             try:
                 record = getattr(record, STEPS[name].method)(**options)
@@ -545,7 +545,7 @@ STEPS: Final = {
 def _options(step: Step, given: object, where: str) -> dict[str, object]:
     """Return the options of one step by name."""
     if isinstance(given, Mapping):
-        refuse_unknown(given, step.options, where, "option")
+        refuse_unknown(given, step.options, where, "no option '{}'; there are {known}.")
         options = dict(given)
     elif given is True and step.required == 0:
         options = {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, get_args
 from typing import Literal as OneOf
 
-from thermid.errors import DeckError, ThermidError, UnitError
+from thermid.errors import DeckError, UnitError, errors_at
 from thermid.expression import Expression, Literal, parse
 from thermid.model.laws.options import Source
 from thermid.units import describe, unit
@@ -230,7 +230,7 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
     if isinstance(value, Parameter):
         return value
     table: Mapping[str, Any] = value if isinstance(value, Mapping) else {"value": value}
-    try:
+    with errors_at(where):
         unknown = set(table) - {"value", "min", "max", "source", "note", "basis"}
         if unknown or "value" not in table:
             raise DeckError(
@@ -245,8 +245,6 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         if source and source not in SOURCES:
             raise DeckError(f"source '{source}' is none of {', '.join(SOURCES)}.")
         return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
-    except ThermidError as error:
-        raise error.located(where) from None
 
 
 def check_bounds(value: float, given: Parameter, where: str) -> None:

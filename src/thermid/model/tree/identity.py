@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import SLOPES, TABULATED
 from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
@@ -105,8 +105,7 @@ def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     shared: dict[int, list[str]] = {}
     for raw, value in values.items():
         path = model.canonical(raw)
-        if path not in known:
-            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, known)}", model.title)
+        refuse_unknown([path], known, model.title, f"no parameter '{raw}'.", NameNotFoundError)
         new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
         old = known[path].parameter
         bounds = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(new, k) is None}
@@ -129,8 +128,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
-        if place not in known:
-            raise NameNotFoundError(f"no submodel or parameter '{raw}' to be cut.{nearest(place, known)}", model.title)
+        refuse_unknown([place], known, model.title, f"no submodel or parameter '{raw}' to be cut.", NameNotFoundError)
         cuts[place], layers = None, _cut_layers(layers, place)
     return replace(model, cuts=tuple(cuts), layers=layers)
 
