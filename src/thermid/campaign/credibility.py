@@ -15,7 +15,7 @@ from thermid.files import CREDIBILITY, write_text
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.tree.tree import ParameterSet
-from thermid.units import NAMES, unit
+from thermid.units import NAMES, from_si, unit
 
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign
@@ -155,7 +155,7 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     of = unit(text)
 
     def shown(x: float | None) -> float | None:
-        return None if x is None else (x - float(of.offset)) / float(of.factor)
+        return None if x is None else from_si(x, of)
 
     stage = next((name for name in reversed(list(fits)) if entry.origin == f"stage '{fits[name].stage}'"), "")
     error, date = 0.0, ""

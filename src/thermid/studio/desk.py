@@ -23,7 +23,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
 from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned
-from thermid.units import unit
+from thermid.units import from_si, in_si, unit
 
 ICE = 273.15
 
@@ -100,8 +100,7 @@ class Desk:
             if path in self.others:
                 continue
             refuse_unknown([path], known, self.title, "no slider '{}'.", NameNotFoundError)
-            of = unit(known[path].unit)
-            out |= dict.fromkeys((path, *known[path].also), value * float(of.factor) + float(of.offset))
+            out |= dict.fromkeys((path, *known[path].also), in_si(value, known[path].unit))
         return out
 
     def tuned(self, values: Mapping[str, float]) -> Model:
@@ -352,8 +351,8 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, free: 
     """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
     given = entry.parameter
     of = unit(given.unit or "1")
-    low, high = (None if b is None else _plain(b, given.unit) for b in (given.minimum, given.maximum))
-    at = _plain(value, given.unit)
+    low, high = (None if b is None else from_si(b, of) for b in (given.minimum, given.maximum))
+    at = from_si(value, of)
     log = at > 0 and not of.absolute and (low is None or low > 0)
     span = abs(at) if not of.absolute else 50.0
     low = low if low is not None else at / 5 if log else at - span
@@ -361,8 +360,3 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, free: 
     shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
     note = "; ".join(t for t in (given.note, given.basis) if t)
     return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)
-
-
-def _plain(si: float, text: str) -> float:
-    of = unit(text or "1")
-    return (si - float(of.offset)) / float(of.factor)

@@ -32,7 +32,7 @@ from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml, resolve_inside
-from thermid.units import unit
+from thermid.units import in_si
 
 Told = Callable[[int, float], None]
 
@@ -245,8 +245,7 @@ class Project:
         origin, table = ValueOrigin("hand", f"{name}, by hand"), parameter_table(desk.model)
         for s in desk.sliders:
             if s.path in values:
-                of = unit(s.unit)
-                value, start, *ends = (v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high))
+                value, start, *ends = (in_si(v, s.unit) for v in (values[s.path], s.value, s.low, s.high))
                 more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
                 states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
         if not states:

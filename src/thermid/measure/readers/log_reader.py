@@ -17,9 +17,9 @@ from thermid.measure.readers.columns import decimal_sign, find_column, kelvin_si
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
-from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, from_unit, with_sensor
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure.record.record import Record
-from thermid.units import require, unit
+from thermid.units import in_si, require, unit
 
 OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
@@ -156,7 +156,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
 
     made = Channel.of(
         binding.name,
-        from_unit(samples, unit_text) * scale,
+        in_si(samples, unit_text) * scale,
         quantity=quantity if watts is None else "power",
         role=binding.role,
         target=binding.target,
@@ -335,7 +335,7 @@ class PlainTable:
         with errors_at(self.cells.where(None, name)):
             of = unit(text)
             require(of.dimension, slot, text, of.absolute)
-        return parsed * float(of.factor) + float(of.offset)
+        return in_si(parsed, of)
 
     def whole(self, name: str, slot: str, usual: str = "") -> FloatArray:
         """Return the values (samples,) of a column without holes. [SI]

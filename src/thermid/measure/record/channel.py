@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermid.errors import NameNotFoundError, RecordError, nearest, refuse_unknown
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.units import format_value, unit
+from thermid.units import format_value
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -245,12 +245,6 @@ def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCe
 
 EVEN: Final = 0.01
 """Share of the mean interval by which intervals of an even grid may differ from it."""
-
-
-def from_unit(values: FloatArray, text: str) -> FloatArray:
-    """Return SI values of numbers in a unit."""
-    of = unit(text)
-    return values * float(of.factor) + float(of.offset)
 
 
 def usual_step(times: FloatArray) -> float:

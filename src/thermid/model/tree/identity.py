@@ -18,7 +18,7 @@ from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model.tree.tree import Layer, M, Tree, parameter_table
-from thermid.units import unit
+from thermid.units import Unit, from_si, in_si, unit
 
 APART = "set for this instance"
 """Why a value is not that of its twins."""
@@ -285,7 +285,7 @@ def written(given: Parameter) -> Any:
     of = given.expression.literal.unit if given.expression.literal else unit("1")
     for key, bound in (("min", given.minimum), ("max", given.maximum)):
         if bound is not None:
-            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
+            table[key] = _in_unit(bound, of)
     table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
     return table if len(table) > 1 else table["value"]
 
@@ -298,10 +298,10 @@ def _plain(text: str) -> str | float:
         return text
 
 
-def _in_unit(value: float, factor: float, offset: float) -> float:
+def _in_unit(value: float, of: Unit) -> float:
     """Return an SI value in a unit, as the shortest number that converts back to the same float."""
-    plain = (value - offset) / factor
-    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
+    plain = from_si(value, of)
+    return next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == value), plain)
 
 
 def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
