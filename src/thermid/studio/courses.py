@@ -26,7 +26,7 @@ from thermid.qualify.trial import run_test
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
-from thermid.studio.curves import Window, thinned
+from thermid.studio.curves import Window, thinned_curve
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
 
@@ -431,11 +431,11 @@ def _point(found: Outcome, one: Limits) -> dict[str, Any]:
 
 def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
     trace, run = found.solution[node], found.course
-    times, values = thinned(trace.course[0], trace.course[1] - ICE_POINT, window)
+    times, values = thinned_curve(trace.course[0], trace.course[1] - ICE_POINT, window)
     out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
     band = None if found.bands is None else found.bands.get(node)
     if band is not None:
-        at, error = thinned(band.times, 1.96 * band.error, window, 200)
+        at, error = thinned_curve(band.times, 1.96 * band.error, window, 200)
         out |= {"band_times": at, "band": error, "band_values": np.interp(at, trace.times, trace.celsius)}
     return out
 
@@ -470,7 +470,7 @@ def _moisture(run: ProfileRun | None, window: Window) -> dict[str, Any] | None:
     if run is None or run.moisture is None:
         return None
     wet = run.moisture
-    gases = [(g, *thinned(wet.solution.times, v - ICE_POINT, window)) for g, v in wet.dew_points.items()]
+    gases = [(g, *thinned_curve(wet.solution.times, v - ICE_POINT, window)) for g, v in wet.dew_points.items()]
     surfaces: Sequence[Any] = sorted(wet.surfaces.values(), key=lambda s: float(s.margin.min()))
     return {
         "dew": [{"name": f"dew point of {g}", "times": t, "values": v} for g, t, v in gases],

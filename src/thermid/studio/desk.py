@@ -22,7 +22,7 @@ from thermid.reporting.diagrams.diagram import diagram, parts_of
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
-from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned
+from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned_curve
 from thermid.units import from_si, in_si, unit
 
 ICE = 273.15
@@ -287,7 +287,7 @@ class Desk:
             left = o.measured - predicted
             rmse, bias, largest = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max())
             (at, simulated), (seen, measured), (apart, rest) = (
-                thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
+                thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
             out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
@@ -308,7 +308,7 @@ def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) 
 
 
 def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[ThinnedCurve, ...]:
-    return tuple(ThinnedCurve(n, n, *thinned(solution.times, solution[n].celsius, window)) for n in nodes)
+    return tuple(ThinnedCurve(n, n, *thinned_curve(solution.times, solution[n].celsius, window)) for n in nodes)
 
 
 def _bias(problem: Problem, sensor: str, fitted: Array) -> float:

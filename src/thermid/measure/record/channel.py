@@ -317,21 +317,7 @@ class SecondClock:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
-    """Measured channels on one axis of times: what a `Record` holds, and what of it is looked at without changing it.
-
-    Parameters
-    ----------
-    name : str                       Its name.
-    times : array (samples,)         Strictly increasing times. [s]
-    channels : mapping to Channel    Channels by name.
-    origin : Origin                  Where the samples came from; kept by every copy.
-    steps : tuple of str             What was done to the samples, in words and numbers.
-    second : SecondClock or None     A clock beside its own that a fit has yet to find.
-
-    Raises
-    ------
-    RecordError   When times do not increase, lengths differ, or two channels have one target.
-    """
+    """What a `Record` holds, with the same fields, and what of it is looked at without changing it."""
 
     name: str
     times: FloatArray

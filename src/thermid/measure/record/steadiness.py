@@ -300,14 +300,18 @@ def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: 
 
 
 def resolution_of(channel: Channel) -> float:
-    """Return the smallest step of a sensor: as given, or as its readings show it; zero where they show none. [K]"""
+    """Return the step of a sensor: its resolution, or the usual difference between the levels that it took, or zero. [K]
+
+    A record that takes each value twice or more on average is one of levels.
+    """
     if channel.resolution is not None:
         return channel.resolution
-    seen = channel.values[channel.valid]
-    levels = np.unique(np.round(seen, 6))
-    if levels.size < 2 or levels.size > seen.size / 8:
+    samples = channel.values[channel.valid]
+    levels = np.unique(np.round(samples, 9))  # a level converted from degC may differ in its last digit
+    if not 1 < levels.size <= samples.size / 2:
         return 0.0
-    return float(np.median(np.diff(levels)))
+    # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
+    return float(np.quantile(np.diff(levels), 0.25, method="lower"))
 
 
 def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf, looks: int = 120) -> float | None:
