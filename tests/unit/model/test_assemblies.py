@@ -245,8 +245,8 @@ def test_the_electrical_power_closes_the_balance() -> None:
     electrical = s * 2.0 * (found["sink"] - found["board"]) + 4.0 * r
     assert run.heat_balance().relative < 1e-9
     assert 4.0 * (found["sink"] - 293.15) == pytest.approx(3.0 + electrical, rel=1e-9)
-    loads = [n for n in run.powers if n.startswith("tec.")]
-    assert sum(float(run.powers[n][-1]) for n in loads) == pytest.approx(electrical, rel=1e-3)
+    loads = [n for n in run.load_powers if n.startswith("tec.")]
+    assert sum(float(run.load_powers[n][-1]) for n in loads) == pytest.approx(electrical, rel=1e-3)
 
 
 def test_q_max_is_the_range_of_the_size() -> None:

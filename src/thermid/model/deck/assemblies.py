@@ -23,9 +23,9 @@ from thermid.model.parts.kinds import KINDS
 from thermid.units import unit
 
 WORST: Final = 0.3
-"""Largest error of the junction's rise by a two-resistor model, as a share: JEDEC JESD15-3 (2008) warns of it, Lasance, Electronics Cooling
-14-4 (2008), and the tests of DELPHI show up to 30 %. [-]"""
-WHY_WORST: Final = "two-resistor models miss the junction's rise by up to 30 % (JESD15-3; DELPHI)"
+"""Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;
+Lasance); JESD15-3 (2008) defines the model and states no bound. From memory: check before quoting. [-]"""
+WHY_WORST: Final = "two-resistor models miss the rise of a junction by up to 30 % in published worst cases"
 Where = Callable[[str], str]
 
 

@@ -123,6 +123,7 @@ def model_from_dict(
                     conductor or a load what `law` returns.
     file : str      For messages.
     lines : dict    Key path -> line, for messages.
+    use, read : callable    What a deck on disk has: name of a deck and place -> model and its definition; name of a file and place -> text.
 
     Raises
     ------
