@@ -244,7 +244,7 @@ def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Ma
 def _course(
     plan: Plan, test: TestTable, known: Known, progress: Callable[[int, int, float], None] | None
 ) -> tuple[Scenario, ProfileRun | None]:
-    """Return what is done to the model, and the phases where a profile says so."""
+    """Return what is done to the model, and its phases where it follows a profile."""
     scenario: Scenario | None = None
     if isinstance(test.scenario, str):
         scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
