@@ -15,7 +15,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, refuse_unknown
-from thermid.files import read_bytes
+from thermid.files import OWN, read_bytes, write_text
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 
 from datetime import UTC, datetime
-
-from thermid.files import OWN, write_text
 
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
 """What a test's table may gain once it was made; the rest is the plan."""
