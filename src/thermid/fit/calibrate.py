@@ -540,7 +540,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
 
 def _wandering(spread: Autocorrelation) -> list[str]:
     """Return one remark on traces whose residuals wander."""
-    slow = [t for t in spread.traces if wanders(t.effective_samples, t.samples)]
+    slow = [t for t in spread.traces if t.white_variance > 0.0 and wanders(t.effective_samples, t.samples)]
     # one white trace in a hundred looks as if it wandered
     if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
         return []

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.uncertainty.noise import binned, excess_of_inputs
+from thermid.fit.calibration import Calibration
+from thermid.fit.uncertainty.logged_inputs import answers_to_inputs, score_of_inputs
+from thermid.fit.uncertainty.stretches import binned
 
 DECK = """
 title = "heated plate under a cover"
@@ -28,6 +30,13 @@ UNITS = {"pads.resistance": "K/W", "skin.effective_htc": "W/(m^2 K)", "plate.cap
 SD, WATTS = 0.05, 0.4
 """Noise of a thermometer [K] and of a power meter [W]."""
 NAMES = ("plate", "cover", "room")
+
+
+def excess_of_inputs(fit: Calibration) -> np.ndarray:
+    """What noise of logged inputs adds to the covariance of J'r."""
+    at = np.array(list(fit.fitted.values()))
+    pieces = binned(fit.problem, at)
+    return score_of_inputs(pieces, answers_to_inputs(fit.problem, at, pieces))
 
 
 class Laboratory:
@@ -82,7 +91,7 @@ def test_it_is_what_every_sample_does_by_itself(tmp_path: Path, logged: str, sd:
         shift = np.concatenate([(start[b.sensor] - b.predicted) / SD for b in other.blocks])
         g = rows.T @ shift
         brute += sd**2 * np.outer(g, g)
-    found = excess_of_inputs(problem, at, binned(problem, at))
+    found = excess_of_inputs(fit)
     scale = np.sqrt(np.diag(brute))
     np.testing.assert_allclose(np.sqrt(np.diag(found)), scale, rtol=0.1)
     np.testing.assert_allclose(found / np.outer(scale, scale), brute / np.outer(scale, scale), atol=0.15)

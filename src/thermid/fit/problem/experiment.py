@@ -16,6 +16,7 @@ from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import SecondClock
+from thermid.measure.record.scatter import found_noise, step_of
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
@@ -433,6 +434,8 @@ class Observation:
     effective_share : float     Independent samples that a sample is worth: below 1 where the noise is said to be correlated. [-]
     part : SensorPart or None   What else its sensor does.
     lag : str                   Path of the sensor's lag in the wiring; empty for none.
+    step : float                Of the sensor, as stated or as its readings show it; zero for none. [K]
+    blur : float or None        Stated noise of a reading before it is rounded. [K]
     """
 
     sensor: str
@@ -446,6 +449,8 @@ class Observation:
     part: SensorPart | None
     seat: str
     lag: str
+    step: float = 0.0
+    blur: float | None = None
 
     def sigma(self, assumed: Mapping[str, float]) -> float:
         """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]
@@ -458,6 +463,27 @@ class Observation:
     def effective_samples(self) -> float:
         """Independent samples that its samples are worth by what is said of its noise."""
         return self.index.size * self.effective_share
+
+
+@dataclass(frozen=True)
+class InputNoise:
+    """Noise of the samples of a logged boundary or power.
+
+    Parameters
+    ----------
+    white : float       Standard deviation of one sample. [K, W]
+    step : float        To which samples are rounded; zero for none. [K, W]
+    stated : bool       Whether somebody said the white part; else it is found from the samples.
+    """
+
+    white: float
+    step: float
+    stated: bool
+
+    @property
+    def any(self) -> bool:
+        """Whether there is any."""
+        return self.white > 0.0 or self.step > 0.0
 
 
 OFFSET, RATE = "clock.offset", "clock.rate"
@@ -524,7 +550,7 @@ class Experiment:
     hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
-    noisy : dict                Logged boundary, or scale of a logged power -> standard deviation of one sample of it. [K, W]
+    noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
     """
 
@@ -539,7 +565,7 @@ class Experiment:
     loose: tuple[str, ...] = ()
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
-    noisy: Mapping[str, float] = field(default_factory=dict)
+    noisy: Mapping[str, InputNoise] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -614,7 +640,7 @@ def bind(
     inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     driven: dict[str, str] = {}
-    noisy: dict[str, float] = {}
+    noisy: dict[str, InputNoise] = {}
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
         if role == "node":
@@ -623,7 +649,7 @@ def bind(
         else:
             _bare(channel, role, record)
             driven[channel.name] = path
-            if role != "command" and not channel.gain and (noise := _noise(channel)):
+            if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
@@ -707,11 +733,25 @@ def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: A
         part,
         seat.node,
         seat.lag,
+        step_of(channel),
+        channel.noise,
     )
 
 
 def _noise(channel: Channel) -> float | None:
-    """Return the standard deviation of one sample: noise, and rounding to steps of the sensor, a step over the root of 12. [K, W]"""
-    if channel.noise is None or channel.resolution is None:
-        return channel.noise
-    return float(np.hypot(channel.noise, channel.resolution / np.sqrt(12.0)))
+    """Return the standard deviation of one sample: noise, and rounding to steps of the sensor, a step over the root of 12. [K]
+
+    Steps that nobody stated count where the stated noise is too small to hold them.
+    """
+    if channel.noise is None:
+        return None
+    rounding = step_of(channel) / np.sqrt(12.0)
+    return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
+
+
+def _input_noise(channel: Channel) -> InputNoise:
+    """Return the noise of a logged boundary or power; see `found_noise` for one that nobody stated."""
+    step = step_of(channel) if channel.quantity == "temperature" or channel.resolution is not None else 0.0
+    if channel.noise is not None:
+        return InputNoise(channel.noise, step, True)
+    return InputNoise(found_noise(channel), step, False)
