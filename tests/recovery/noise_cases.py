@@ -1,4 +1,4 @@
-"""Consumers of a likelihood under kinds of noise: synthetic logs of a heated plate under a cover, and how stated 95 % intervals meet the truth.
+"""Consumers of a likelihood under kinds of noise: synthetic logs of a heated plate under a cover, and how 95 % intervals meet the truth.
 
 Each consumer of `CONSUMERS` takes a kind of noise and a generator of random numbers and returns what it stated, as `Claim`: an error and
 the deviation from the truth, or a refusal. `campaign` repeats it. The truth, the phases of the sensors' steps and the noise are drawn anew

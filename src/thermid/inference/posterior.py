@@ -114,7 +114,8 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
         else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long, {ENOUGH} are wanted: give more steps.",)
     )
     known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
-    return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, (*short, *density.remarks()))
+    warnings = (*short, *density.remarks())
+    return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, warnings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import InputNoise
 from thermid.fit.uncertainty.logged_inputs import answers_to_inputs, score_of_inputs
 from thermid.fit.uncertainty.stretches import binned
 
@@ -97,18 +98,29 @@ def test_it_is_what_every_sample_does_by_itself(tmp_path: Path, logged: str, sd:
     np.testing.assert_allclose(found / np.outer(scale, scale), brute / np.outer(scale, scale), atol=0.15)
 
 
-def test_a_boundary_without_noise_adds_nothing(tmp_path: Path) -> None:
+def test_a_boundary_that_shows_no_noise_adds_nothing(tmp_path: Path) -> None:
     laboratory = Laboratory(tmp_path, 60.0)
     fit = laboratory.fitted(np.zeros((laboratory.times.size, 3)))
-    assert fit.experiments[0].noisy == {"room": pytest.approx(SD)}
+    assert fit.experiments[0].noisy["room"] == InputNoise(SD, 0.0, True)
     channels = {n: {"boundary" if n == "room" else "node": n} | ({} if n == "room" else {"noise": f"{SD} [K]"}) for n in NAMES}
     bare = td.read_record(tmp_path / "log.csv", channels | {"heat": {"command": "heater"}})
     without = td.calibrate(laboratory.model, bare, free=list(PLANTED))
-    assert without.experiments[0].noisy == {}
-    at = np.array(list(without.fitted.values()))
-    assert not excess_of_inputs(without.problem, at, binned(without.problem, at)).any()
+    assert without.experiments[0].noisy["room"].white < 1e-4 * SD
+    assert not without.experiments[0].noisy["room"].stated
     for path in ("skin.effective_htc", "plate.capacitance"):
         assert without[path].error < 0.9 * fit[path].error
+
+
+def test_noise_that_nobody_stated_is_found_from_the_samples(tmp_path: Path) -> None:
+    laboratory, rng = Laboratory(tmp_path, 30.0), np.random.default_rng(4)
+    errors = rng.normal(0.0, SD, (laboratory.times.size, 3))
+    fit = laboratory.fitted(errors)
+    channels = {n: {"boundary" if n == "room" else "node": n} | ({} if n == "room" else {"noise": f"{SD} [K]"}) for n in NAMES}
+    bare = td.read_record(tmp_path / "log.csv", channels | {"heat": {"command": "heater"}})
+    without = td.calibrate(laboratory.model, bare, free=list(PLANTED))
+    assert without.experiments[0].noisy["room"].white == pytest.approx(SD, rel=0.25)
+    for path in PLANTED:
+        assert without[path].error == pytest.approx(fit[path].error, rel=0.15)
 
 
 def held(laboratory: Laboratory, logged: str, sd: float, draws: int) -> np.ndarray:

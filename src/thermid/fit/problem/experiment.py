@@ -500,12 +500,15 @@ class Ticks:
     driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
     at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
+    sampled : tuple of str          Paths of powers and commands that were sampled, not logged when they changed; their changes stand in the
+                                    middle of the interval in which they happened.
     """
 
     clock: SecondClock
     driven: tuple[tuple[str, str], ...]
     zero: float
     at: tuple[float, float]
+    sampled: tuple[str, ...] = ()
 
     def moved(self, experiment: Experiment, at: tuple[float, float]) -> Experiment:
         """Return an experiment with these signals at another offset and rate."""
@@ -551,6 +554,7 @@ class Experiment:
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
     noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
+    means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
     """
 
@@ -566,6 +570,7 @@ class Experiment:
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
+    means: Mapping[str, float] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -641,6 +646,7 @@ def bind(
     observed: list[tuple[Channel, str]] = []
     driven: dict[str, str] = {}
     noisy: dict[str, InputNoise] = {}
+    means: dict[str, float] = {}
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
         if role == "node":
@@ -651,6 +657,8 @@ def bind(
             driven[channel.name] = path
             if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
+            if role != "command" and not channel.gain and channel.common and errors is None:
+                means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
@@ -664,6 +672,7 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
+    ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
     made = replace(
         base,
         title=record.name,
@@ -682,15 +691,28 @@ def bind(
         }
         hidden = hidden_starts(made, network, first, by_place, tuple(tips))
         made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
-    ticks = None if second is None else _ticks(second, zero, driven, inputs)
-    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, hidden)
+    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
-def _ticks(second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
+def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
     """Return which inputs follow the clock that the fit has yet to find."""
     tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
     followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
-    return Ticks(second, followed, zero, second.at)
+    sampled = []
+    for channel, path in driven.items():
+        given = record.channels[channel]
+        for _, held in tables if channel in second.channels and given.held and not given.prompt else ():
+            if path in held and isinstance(held[path], TableSignal) and held[path].held:
+                held[path] = switched_within(held[path])
+                sampled.append(path)
+    return Ticks(second, followed, zero, second.at, tuple(sampled))
+
+
+def switched_within(table: TableSignal) -> TableSignal:
+    """Return a sampled power or command with each change in the middle of the interval in which it happened."""
+    times, change = table.times.copy(), 1 + np.flatnonzero(np.diff(table.values))
+    times[change] -= 0.5 * (table.times[change] - table.times[change - 1])
+    return replace(table, times=times)
 
 
 def _timed(channel: Channel, record: Record) -> None:
@@ -749,9 +771,22 @@ def _noise(channel: Channel) -> float | None:
     return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
 
 
+def _of_mean(channel: Channel, role: str, path: str, signal: Signal) -> dict[str, float]:
+    """Return the name in the wiring of a mean boundary [K] or power [-] -> standard deviation of its error; none of a power that is off."""
+    assert channel.common is not None
+    if role == "boundary":
+        return {path: channel.common}
+    power = power_while_on(signal)
+    return {SCALE + path: channel.common / power} if power > 0 else {}
+
+
 def _input_noise(channel: Channel) -> InputNoise:
-    """Return the noise of a logged boundary or power; see `found_noise` for one that nobody stated."""
-    step = step_of(channel) if channel.quantity == "temperature" or channel.resolution is not None else 0.0
+    """Return the noise of a logged boundary or power; see `found_noise` for one that nobody stated.
+
+    A power has steps where they are stated; a boundary that never changes is one that was set.
+    """
+    moves = channel.quantity == "temperature" and float(np.ptp(channel.values[channel.valid])) > 0.0
+    step = step_of(channel) if moves or channel.resolution is not None else 0.0
     if channel.noise is not None:
         return InputNoise(channel.noise, step, True)
     return InputNoise(found_noise(channel), step, False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -41,11 +41,14 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
     out: dict[tuple[str, str], Array] = {}
     for i, experiment in enumerate(problem.experiments):
         noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
-        if not noisy or not problem.unknowns:
+        if not problem.unknowns or not (noisy or (experiment.ticks is not None and experiment.ticks.sampled)):
             continue
         keys = [(experiment.record.name, o.sensor) for o in experiment.observations]
         causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
-        for path, signal, answers in _answers(problem, i, fitted, list(noisy), [pieces[key].times for key in keys]):
+        for change in _instants(problem, i, fitted):
+            for k, (key, o) in enumerate(zip(keys, experiment.observations, strict=True)):
+                causes[key].append(change(pieces[key].times)[:, [k]] / o.sigma(problem.noise))
+        for path, signal, answers in _answers(problem, i, fitted, list(noisy), [pieces[key].times for key in keys]) if noisy else ():
             begin, end = float(experiment.times[0]), float(experiment.times[-1])
             within = (signal.instants >= begin) & (signal.instants <= end)
             times = signal.instants[within]
@@ -59,6 +62,41 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
                 causes[key].append((after[:-1] - after[1:]).T @ errors / o.sigma(problem.noise))
         out |= {key: np.concatenate(several, axis=1) for key, several in causes.items() if several}
     return out
+
+
+CHANGES = 20
+"""The largest changes of a sampled power whose instants are followed; what small ones do is small."""
+
+
+def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Array], Array]]:
+    """Yield, of each large change of a sampled power on a second clock, what a standard deviation of its instant does to the readings.
+
+    Each yielded function takes times (times,) [s] and returns (times, sensors) [K]. A change lies anywhere between two samples: a standard
+    deviation is the interval over the root of 12.
+    """
+    bench = problem.bench(i, fitted)
+    experiment, values = bench.experiment, problem.inputs(i, fitted)[0]
+    if experiment.ticks is None:
+        return
+    width = experiment.ticks.clock.step * experiment.ticks.at[1]
+    for name, path in experiment.ticks.driven:
+        table = getattr(experiment.scenario, name)[path]
+        if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
+            continue
+        steps = np.abs(np.diff(table.values))
+        for k in (1 + np.argsort(-steps, kind="stable")[: min(CHANGES, np.count_nonzero(steps))]).tolist():
+
+            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+                sides = []
+                for side in (-0.2, 0.2):
+                    moved = table.times.copy()
+                    moved[k] += side * width
+                    changed = {name: {**getattr(experiment.scenario, name), path: replace(table, times=moved)}}
+                    other = replace(experiment, scenario=experiment.scenario.with_(**changed))
+                    sides.append(Bench.of(other, bench.free).temperatures(values, False, problem.options, times)[0])
+                return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
+
+            yield answer
 
 
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:

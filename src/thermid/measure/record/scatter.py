@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import comb
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,10 @@ ON_GRID: Final = 0.05
 """Part of a step by which the distance of two levels may miss a whole number of steps; one in ten may miss it by more, as spikes do."""
 DIGITS: Final = 6
 """Decimals down to which the last digit of a constant reading is looked for."""
+ORDERS: Final = (2, 4, 6)
+"""Orders of the differences by which noise is told from what a signal does."""
 SWITCHED: Final = 8
-"""Samples a level of a power has on average from which it is switched between levels and does not scatter."""
+"""Samples a level of a power has on average from which it is switched between levels and does not scatter; fewer samples show no noise."""
 
 
 def step_of(channel: Channel) -> float:
@@ -28,7 +31,7 @@ def step_of(channel: Channel) -> float:
         return channel.resolution
     seen = channel.values[channel.valid]
     levels, count = np.unique(np.round(seen, 6), return_counts=True)
-    if levels.size == 1 and channel.quantity == "temperature" and seen.size > 1:
+    if levels.size == 1 and channel.quantity == "temperature" and seen.size >= SWITCHED:
         return _last_digit(float(seen[0]), channel.unit)
     if not 1 < levels.size <= seen.size / LEVELS:
         return 0.0
@@ -52,20 +55,17 @@ def _last_digit(value: float, text: str) -> float:
 
 
 def found_noise(channel: Channel) -> float:
-    """Return the standard deviation of white noise that the samples of a channel show: how far each lies from its neighbours' mean. [SI]
+    """Return the standard deviation of white noise that the samples of a channel show: how far each lies from its neighbours' course. [SI]
 
-    Second differences of white noise have six times its variance, and those of anything slow have next to none; their median size stands
-    for their root mean square, so that jumps do not count. A power that is switched between few levels has no noise.
+    Differences of order k of white noise have binomial(2 k, k) times its variance, and those of anything slow next to nothing, less the
+    higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not count. A
+    power that is switched between few levels has no noise.
     """
     seen = channel.values[channel.valid]
     if seen.size < SWITCHED or (channel.quantity != "temperature" and np.unique(np.round(seen, 9)).size * SWITCHED <= seen.size):
         return 0.0
-    return float(1.4826 * np.median(np.abs(np.diff(seen, 2))) / np.sqrt(6.0))
-
-
-def noise_of(channel: Channel) -> float:
-    """Return the standard deviation of the white noise of a sample, as stated or as its samples show it. [SI]"""
-    return channel.noise if channel.noise is not None else found_noise(channel)
+    sizes = [1.4826 * np.median(np.abs(np.diff(seen, k))) / np.sqrt(comb(2 * k, k)) for k in ORDERS if seen.size >= SWITCHED + k]
+    return float(min(sizes, default=0.0))
 
 
 def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:

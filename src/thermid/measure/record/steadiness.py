@@ -397,15 +397,16 @@ class SteadyPoint(Generic[R]):
     def record(self) -> R:
         """The point as a record of two equal readings, for `calibrate` beside others, in a scenario that starts steady.
 
-        Two readings of noise sqrt(2) times the point's error weigh as one of that error; the accuracy of each instrument stays.
+        Two readings of noise sqrt(2) times the point's error weigh as one of that error. The error of a mean boundary or power is one that
+        both samples share. The accuracy of each instrument stays.
         """
         channels = {}
         for name, v in self.values.items():
             given = self.source.channel(name)
-            size = max(v.error, 1e-9) * 2.0**0.5
-            noise = size if given.quantity == "temperature" else given.noise
+            read = given.quantity == "temperature" and given.role != "boundary"
             values, valid = np.full(2, v.value), np.ones(2, dtype=bool)
-            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise)
+            noise = max(v.error, 1e-9) * 2.0**0.5 if read else None
+            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
         steps = (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s")
         return replace(
             self.source, name=self.name, times=np.array([0.0, self.end - self.start]), channels=channels, steps=steps, second=None
