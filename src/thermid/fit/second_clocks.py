@@ -18,7 +18,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
 from thermid.fit.minimisation import Fit, covariances, minimise
-from thermid.fit.problem.experiment import OFFSET, Ticks, switched_within
+from thermid.fit.problem.experiment import OFFSET, Ticks
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
@@ -188,7 +188,7 @@ class Clocked:
         experiment = problem.experiments[0]
         tables = {name: dict(getattr(experiment.scenario, name)) for name in ("loads", "commands")}
         for name, path, table in self._sampled(problem):
-            moved = switched_within(table).times.copy()
+            moved = table.changed_within().times.copy()
             if late is not None and path == late[0]:
                 moved[late[1]] += late[2]
             tables[name][path] = replace(table, times=moved)

@@ -684,14 +684,24 @@ def bind(
         initial=initial,
         duration=duration,
     )
-    hidden: dict[str, HiddenStart] = {}
-    if base.start == "":
-        by_place = {path: record.channels[name] for name, path in driven.items()} | {
-            o.seat: record.channels[o.sensor] for o in observations
-        }
-        hidden = hidden_starts(made, network, first, by_place, tuple(tips))
+    hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" else {}
+    if hidden:
         made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
     return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
+
+
+def _hidden_starts(
+    made: Scenario,
+    network: Network,
+    first: Mapping[str, float],
+    record: Record,
+    driven: Mapping[str, str],
+    observations: Sequence[Observation],
+    tips: Mapping[str, str],
+) -> dict[str, HiddenStart]:
+    """Return the starts of nodes without a sensor, from the channels of the record by the places that they read or drive."""
+    by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}
+    return hidden_starts(made, network, first, by_place, tuple(tips))
 
 
 def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
@@ -703,16 +713,9 @@ def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str
         given = record.channels[channel]
         for _, held in tables if channel in second.channels and given.held and not given.prompt else ():
             if path in held and isinstance(held[path], TableSignal) and held[path].held:
-                held[path] = switched_within(held[path])
+                held[path] = held[path].changed_within()
                 sampled.append(path)
     return Ticks(second, followed, zero, second.at, tuple(sampled))
-
-
-def switched_within(table: TableSignal) -> TableSignal:
-    """Return a sampled power or command with each change in the middle of the interval in which it happened."""
-    times, change = table.times.copy(), 1 + np.flatnonzero(np.diff(table.values))
-    times[change] -= 0.5 * (table.times[change] - table.times[change - 1])
-    return replace(table, times=times)
 
 
 def _timed(channel: Channel, record: Record) -> None:

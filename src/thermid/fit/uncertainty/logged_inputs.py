@@ -83,15 +83,12 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
         table = getattr(experiment.scenario, name)[path]
         if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
             continue
-        steps = np.abs(np.diff(table.values))
-        for k in (1 + np.argsort(-steps, kind="stable")[: min(CHANGES, np.count_nonzero(steps))]).tolist():
+        for k in table.largest_changes(CHANGES):
 
             def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
                 sides = []
                 for side in (-0.2, 0.2):
-                    moved = table.times.copy()
-                    moved[k] += side * width
-                    changed = {name: {**getattr(experiment.scenario, name), path: replace(table, times=moved)}}
+                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * width)}}
                     other = replace(experiment, scenario=experiment.scenario.with_(**changed))
                     sides.append(Bench.of(other, bench.free).temperatures(values, False, problem.options, times)[0])
                 return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
