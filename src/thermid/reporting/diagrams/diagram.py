@@ -31,6 +31,9 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "flow": ("flow", "one-way flow"),
     "lead": ("solid", "lead"),
     "heat_pipe": ("mixed", "heat pipe"),
+    "bolted": ("solid", "bolted joint"),
+    "wedge_lock": ("solid", "wedge lock"),
+    "spreading": ("solid", "spreading"),
     "table": ("mixed", "table"),
 }
 """Kind of conductor -> style of its line, and what the legend calls it. Every kind has one."""
