@@ -36,8 +36,9 @@ from thermid.measure.record.channel import (
     stretch,
     with_sensor,
 )
+from thermid.measure.record.scatter import step_of
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.record.steadiness import SETTLED, SteadyPoint, resolution_of, steady_point
+from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
@@ -232,7 +233,7 @@ class Record(Samples):
         for each in self._temperatures(channels, "spikes"):
             centre, spread = windows.hampel(self.times, each.values, each.valid, width)
             # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
-            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * resolution_of(each))
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(each))
             masked.append(each.masked(np.abs(each.values - centre) > allowed, "spike"))
         unit = "K" if absolute else "robust standard deviations"
         return self._noted(
