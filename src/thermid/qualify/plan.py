@@ -319,8 +319,7 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
         raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
     if test.profile is None and test.scenario is None:
         raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario.", where("name"))
-    if test.host and test.host not in content.hosts:
-        raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
+    refuse_unknown([test.host] if test.host else (), content.hosts, where("host"), "there is no host '{}'.", NameNotFoundError)
     for key in ("sensors", "weights"):
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
     have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
