@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.estimation.filtering import Belief, Whiteness, smoothed, whiteness
+from thermid.estimation.filtering import Belief, Whiteness, chance, smoothed, whiteness
 from thermid.estimation.likelihood import Likelihood, Maximum
 from thermid.estimation.outlook import OpenLoopScore, members_about
 from thermid.knowledge.values import FittedValues
@@ -192,7 +192,7 @@ class Estimation:
             why = f": foresees left-out readings over {duration_text(self.horizon)} to {short(better)} K, the other to {short(worse)} K"
         head = [f"{self.title}: {self.chosen.name}{why}"]
         head += [f"  warning: {w}" for w in self.warnings]
-        head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, p = {self.p_value:.2g}; not what the choice rests on")
+        head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, {chance(self.p_value)}; not what the choice rests on")
         return "\n".join([*head, *self.process.lines(), *self.output.lines()])
 
 

@@ -158,8 +158,13 @@ class Whiteness:
     def __str__(self) -> str:
         """On one line."""
         word = "white" if self.white else "not white"
-        said = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, p = {self.probability:.2g} over {self.lags} lags)"
+        said = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
         return f"{said}, {self.size:.3g} times the size foreseen"
+
+
+def chance(probability: float) -> str:
+    """Return a probability in words; below a millionth the tail of no log is normal, so no digits are shown."""
+    return f"p = {probability:.2g}" if probability >= 1e-6 else "p < 1e-6"
 
 
 def whiteness(sensor: str, standard: Array, unknowns: int = 0) -> Whiteness:
