@@ -1,4 +1,4 @@
-"""Synthetic houses with noise on the wall: each parameter's 95 % interval holds the truth as often as it says, and innovations are white."""
+"""Synthetic houses with noise on the wall: 95 % intervals hold each truth as often as they say, and innovations are white."""
 
 from __future__ import annotations
 
