@@ -31,8 +31,10 @@ from thermid.cli.options import (
     Vacuum,
     leave,
     moments,
+    pairs,
     ready,
     say,
+    with_unit,
     writable,
     written,
 )
