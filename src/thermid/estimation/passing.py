@@ -158,13 +158,23 @@ class Passing:
             parts.append(d.readings(m, d.local(m, state, time), state, time, sensors))
         return np.stack([p for p, _ in parts]), np.stack([r for _, r in parts]), about
 
-    def run(self, keep: bool = False, until: float = float("inf")) -> Pass:
-        """Return what the filter finds; `keep` holds all beliefs, readings after `until` [s] are not taken, time goes to the end."""
-        d, belief = self.dynamics, self.start()
+    def run(self, keep: bool = False, until: float = float("inf"), begin: tuple[int, Belief] | None = None) -> Pass:
+        """Return what the filter finds.
+
+        Parameters
+        ----------
+        keep : bool             Whether all beliefs are held.
+        until : float           Readings after it are not taken, time goes to the end. [s]
+        begin : (int, Belief)   Position in the grid and the belief there after its readings; the start of the log where none is given.
+        """
+        d = self.dynamics
+        first, belief = begin or (-1, self.start())
         out = _Sheet()
         settled: dict[tuple[str, tuple[int, ...]], _Settled] = {}
         ready = d.linear and self.still and not keep
-        place = 0
+        place = first + 1
+        if begin is not None and keep:
+            out.beliefs.append(belief)
         while place < d.grid.size:
             time = float(d.grid[place])
             taken = time <= until
@@ -188,7 +198,7 @@ class Passing:
             if keep:
                 out.beliefs.append(belief)
             place += 1
-        return Pass(out.innovations(len(self.members)), d.grid, belief, tuple(out.beliefs), tuple(out.legs))
+        return Pass(out.innovations(len(self.members)), d.grid[max(first, 0) :], belief, tuple(out.beliefs), tuple(out.legs))
 
     def _stretch(self, mean: Array, begin: int, end: int, known: _Settled, out: _Sheet) -> Array:
         """Return the mean (members, states) after steps to times `begin` to before `end`, all alike and their gains settled.

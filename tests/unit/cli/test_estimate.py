@@ -27,5 +27,5 @@ def test_a_stage_with_noise_on_a_node(call: Call, tmp_path: Path) -> None:
 
 def test_a_noise_that_names_nothing(call: Call, tmp_path: Path) -> None:
     said = call("estimate", make_project(tmp_path), "--noise", "cass=free")
-    assert said.code == 3 or said.code == 2
+    assert said.code == 4
     assert "is no node, load or boundary" in said.err
