@@ -482,7 +482,7 @@ def bench_of(
             raise ScenarioError(f"there is no load '{name}' to switch.{nearest(name, loads)}", f"{profile.title}, equipment")
     if equipment is None:
         controlled = ("thermostat", "proportional")
-        switched = tuple(p for p, load in loads.items() if not any(f.startswith(controlled) for f in load.fields))
+        switched = tuple(p for p, load in loads.items() if not load.controls and not any(f.startswith(controlled) for f in load.fields))
     ambient = profile.value("ambient")
     others = {k: v for k, v in base.boundaries.items() if model.canonical(k) not in names}
     steps = profile.steps
