@@ -92,6 +92,7 @@ class FlatLoad:
     takes: tuple[Take, ...] = ()
     flux: Callable[[Mapping[str, Signal]], Signal] | None = None
     controls: tuple[str, ...] = ()
+    cycle: Signal | None = None
 
     @property
     def follows_temperature(self) -> bool:
@@ -355,8 +356,9 @@ def _load(owner: Tree, prefix: str, name: str, load: HeatLoad, names: Names) -> 
     node = names.end(owner, prefix, load.into, key)
     sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
     fields = {f: f"{prefix}{name}.{f}" for f in load.fields}
+    cycle = load.cycle.signal() if load.cycle is not None else None
     by = _controls(owner, prefix, load.controls, key)
-    return FlatLoad(prefix + name, node, sensor, fields, load.curve, owner.where(key), controls=by)
+    return FlatLoad(prefix + name, node, sensor, fields, load.curve, owner.where(key), controls=by, cycle=cycle)
 
 
 def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[str, ...]:
