@@ -81,6 +81,10 @@ COMMANDS = {
     "identify": Place(
         "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
     ),
+    "estimate": Place(
+        "fit.estimate",
+        "Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon.",
+    ),
     "profile": Place(
         "qualify.profile",
         "Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit.",
