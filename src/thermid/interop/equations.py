@@ -14,7 +14,7 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.interop.wired import identifiers
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
@@ -212,10 +212,7 @@ class _Symbols:
         given = {}
         for raw, name in names.items():
             path = model.canonical(raw)
-            if path not in (*rows, *places, *loads):
-                raise NameNotFoundError(
-                    f"no conductor, node or load '{raw}' to name.{nearest(path, (*rows, *places, *loads))}", model.title
-                )
+            refuse_unknown([path], (*rows, *places, *loads), model.title, f"no conductor, node or load '{raw}' to name.", NameNotFoundError)
             if not re.fullmatch(r"[A-Za-z]\w*", name):
                 raise ThermidError(f"'{name}' is no symbol: letters, digits and _, beginning with a letter.", model.title)
             given[path] = name

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
+from thermid.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Mixed, Signal, added, signal
 from thermid.model.parts.facing import Facing
@@ -150,8 +150,7 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple
     for raw, one in irradiation.items():
         if raw != "*":
             path = canonical(raw)
-            if path not in flat.faces:
-                raise NameNotFoundError(f"no surface '{raw}'.{nearest(path, flat.faces)}", "irradiation")
+            refuse_unknown([path], flat.faces, "irradiation", f"no surface '{raw}'.", NameNotFoundError)
             given[path] = one
     return tuple(load for path, one in given.items() for load in _loads(path, flat.faces[path], one))
 
@@ -207,7 +206,5 @@ def _stream(given: Signal, boundaries: Given) -> Signal:
 
 
 def _longwave(given: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
-    try:
+    with errors_at(f"irradiation.{path}"):
         return given.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
-    except ThermidError as error:
-        raise error.located(f"irradiation.{path}") from None

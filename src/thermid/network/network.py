@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
-from thermid.errors import DeckError, ThermidError
+from thermid.errors import DeckError, errors_at
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import HeatStore
@@ -153,20 +153,16 @@ class Network:
         fields = {name: values[path] for name, path in c.fields.items()}
         if c.takes:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
-        try:
+        with errors_at(c.where):
             laws = c.laws(fields)
-        except ThermidError as error:
-            raise error.located(c.where) from None
         if any(value_of(law.coefficients[0]) < 0 for law in laws):
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
         if c.path in self.streams:
             return (self.streams.row(c, laws[0]),)
-        try:
+        with errors_at(c.where):
             laws = tuple(piece for law in laws for piece in law.pieces())
-        except ThermidError as error:
-            raise error.located(c.where) from None
         emissivity = values[c.emissivity] if c.emissivity else None
         # a fit at its bound of 1 may lie a rounding above
         for given in (emissivity, fields.get("emissivity")):

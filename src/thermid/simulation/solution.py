@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from thermid.dual import Number, value_of
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, look_up
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
@@ -430,9 +430,7 @@ class Solution:
         """
         flows = self._run.flows(self.times, self.temperatures)
         path = self._run.network.flat.names.model.canonical(conductor)
-        if path not in flows:
-            raise NameNotFoundError(f"no conductor '{conductor}'.{nearest(path, flows)}", self.title)
-        return flows[path]
+        return look_up(path, flows, f"no conductor '{conductor}'.", self.title)
 
     @property
     def heat_flows(self) -> Mapping[str, Array]:

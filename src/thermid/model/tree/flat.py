@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.errors import DeckError, ThermidError, quoted
+from thermid.errors import DeckError, errors_at, quoted
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import HeatStore, potential, store
@@ -352,13 +352,11 @@ def _require(parameters: ParameterSet, path: str, slot: str) -> None:
     root = parameters.literal_behind(path)
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
-    try:
+    with errors_at(entry.where):
         if literal is not None:
             require_unit(literal.unit, slot)
         else:
             require(parameters.dimension(path), slot)
-    except ThermidError as error:
-        raise error.located(entry.where) from None
     if literal is not None and slot == "m^2" and literal.value < 0:
         raise DeckError("an area cannot be negative.", entry.where)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import SLOPES, TABULATED
 from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
@@ -18,7 +18,7 @@ from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model.tree.tree import Layer, M, Tree, parameter_table
-from thermid.units import unit
+from thermid.units import Unit, from_si, in_si, unit
 
 APART = "set for this instance"
 """Why a value is not that of its twins."""
@@ -105,8 +105,7 @@ def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     shared: dict[int, list[str]] = {}
     for raw, value in values.items():
         path = model.canonical(raw)
-        if path not in known:
-            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, known)}", model.title)
+        refuse_unknown([path], known, model.title, f"no parameter '{raw}'.", NameNotFoundError)
         new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
         old = known[path].parameter
         bounds = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(new, k) is None}
@@ -129,8 +128,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
-        if place not in known:
-            raise NameNotFoundError(f"no submodel or parameter '{raw}' to be cut.{nearest(place, known)}", model.title)
+        refuse_unknown([place], known, model.title, f"no submodel or parameter '{raw}' to be cut.", NameNotFoundError)
         cuts[place], layers = None, _cut_layers(layers, place)
     return replace(model, cuts=tuple(cuts), layers=layers)
 
@@ -287,7 +285,7 @@ def written(given: Parameter) -> Any:
     of = given.expression.literal.unit if given.expression.literal else unit("1")
     for key, bound in (("min", given.minimum), ("max", given.maximum)):
         if bound is not None:
-            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
+            table[key] = _in_unit(bound, of)
     table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
     return table if len(table) > 1 else table["value"]
 
@@ -300,10 +298,10 @@ def _plain(text: str) -> str | float:
         return text
 
 
-def _in_unit(value: float, factor: float, offset: float) -> float:
+def _in_unit(value: float, of: Unit) -> float:
     """Return an SI value in a unit, as the shortest number that converts back to the same float."""
-    plain = (value - offset) / factor
-    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
+    plain = from_si(value, of)
+    return next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == value), plain)
 
 
 def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:

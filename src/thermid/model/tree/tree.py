@@ -6,7 +6,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Self, TypeVar
 
-from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, refuse_unknown
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.parts.kinds import KINDS
@@ -278,16 +278,11 @@ class Names:
         """Refuse aliases and offers that name nothing."""
         known = local_names(model)
         for alias, target in model.aliases.items():
-            if model.canonical(target) not in known:
-                raise NameNotFoundError(
-                    f"the alias '{alias}' stands for '{target}', which does not exist.{nearest(target, known)}",
-                    model.where(f"aliases.{alias}"),
-                )
+            missing = f"the alias '{alias}' stands for '{target}', which does not exist."
+            refuse_unknown([model.canonical(target)], known, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
         for offer in model.offers:
-            if model.canonical(offer) not in known:
-                raise NameNotFoundError(
-                    f"it offers '{offer}', but has no such node or surface.{nearest(offer, known)}", model.where("offers")
-                )
+            missing = f"it offers '{offer}', but has no such node or surface."
+            refuse_unknown([model.canonical(offer)], known, model.where("offers"), missing, NameNotFoundError)
 
     def _collect(self, model: Tree, prefix: str) -> None:
         self._check_ports(model)
@@ -304,12 +299,8 @@ class Names:
             self._bind(part.model, f"{prefix}{name}.")
 
     def _bind_part(self, model: Tree, prefix: str, name: str, part: Submodel[Tree]) -> None:
-        for need in part.bind:
-            if need not in part.model.needs:
-                known = ", ".join(part.model.needs) or "nothing"
-                raise NameNotFoundError(
-                    f"'{name}' needs {known}, not '{need}'.{nearest(need, part.model.needs)}", model.where(f"submodels.{name}.bind")
-                )
+        wrong = f"'{name}' needs {', '.join(part.model.needs) or 'nothing'}, not '{{}}'."
+        refuse_unknown(part.bind, part.model.needs, model.where(f"submodels.{name}.bind"), wrong, NameNotFoundError)
         for need in part.model.needs:
             if need not in part.bind:
                 raise DeckError(
@@ -547,10 +538,8 @@ class ParameterSet:
         if path not in self._dimensions:
             entry = self.table[path]
             find: Callable[[str], Dimension] = lambda name: self.dimension(self._lookup(name, entry))  # noqa: E731
-            try:
+            with errors_at(entry.where):
                 self._dimensions[path] = entry.parameter.expression.dimension(find)
-            except ThermidError as error:
-                raise error.located(entry.where) from None
         return self._dimensions[path]
 
     def literal_behind(self, path: str) -> str:
@@ -575,8 +564,7 @@ class ParameterSet:
         DeckError           When the value is derived; the message says what to free instead.
         """
         path = canonical(raw)
-        if path not in self.table:
-            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, self.table)}", self.title)
+        refuse_unknown([path], self.table, self.title, f"no parameter '{raw}'.", NameNotFoundError)
         path = self.literal_behind(path)
         entry = self.table[path]
         if not entry.parameter.is_literal:

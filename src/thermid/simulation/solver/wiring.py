@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
-from thermid.errors import DeckError, ScenarioError, nearest
+from thermid.errors import DeckError, ScenarioError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import (
     Constant,
@@ -54,14 +54,12 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
 
     def load(name: str) -> str:
         path = flat.names.model.canonical(name)
-        if path not in known:
-            raise ScenarioError(f"no load '{name}'.{nearest(path, known)}", where)
+        refuse_unknown([path], known, where, f"no load '{name}'.", ScenarioError)
         return path
 
     def gain(name: str) -> str:
         path = flat.names.model.canonical(name)
-        if path not in flat.parameters.table:
-            raise ScenarioError(f"no parameter '{name}'.{nearest(path, flat.parameters.table)}", where)
+        refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
         require(flat.parameters.dimension(path), "W", flat.parameters.table[path].parameter.unit)
         return path
 
