@@ -54,7 +54,9 @@ COMMANDS = {
         "symbolic",
     ),
     "export": Place(
-        "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
+        "exchange.export",
+        "Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN.",
+        "symbolic",
     ),
     "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),
     "htc": Place(
