@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
