@@ -12,7 +12,7 @@ from typing import Any
 from thermid.errors import NameNotFoundError, nearest
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import SLOPES, TABULATED
-from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity, gap_scatter
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
@@ -362,6 +362,12 @@ def made_to(state: MadeIn) -> dict[str, str]:
     return numbers | {"gas": state.gas}
 
 
+def _written_fields(c: Conductor) -> dict[str, Parameter]:
+    """Return the fields of a conductor without the scatter that a closed gap has by itself."""
+    own = gap_scatter(c.words, "") if "tilt" in c.words else None
+    return {name: given for name, given in c.fields.items() if name != "convection_factor" or given != own}
+
+
 def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     """Return the element tables of a deck."""
     flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
@@ -387,7 +393,7 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     }
     conductors = {
         n: {"kind": e.kind, "between": list(e.between)}
-        | _named(_grouped(e.fields), e.words)
+        | _named(_grouped(_written_fields(e)), e.words)
         | _law_to(e)
         | ({"takes": list(e.takes)} if e.takes else {})
         | flag(e)
