@@ -37,7 +37,7 @@ from thermid.cli.options import (
     with_unit,
     writable,
 )
-from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, nearest
+from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, refuse_unknown
 from thermid.files import NETCDF, PICTURE, TABLE, write_text
 from thermid.fit.inputs import InputTable
 from thermid.knowledge.store import model_standing
@@ -210,8 +210,7 @@ def diagram(
 def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
     """Print the JSON Schema of a file, for editors."""
     schemas = {"deck": deck_schema, "campaign": campaign_schema}
-    if kind not in schemas:
-        raise DeckError(f"there is no schema '{kind}'.{nearest(kind, schemas)} There are deck and campaign.")
+    refuse_unknown([kind], schemas, "", "there is no schema '{}'.{near} There are deck and campaign.", DeckError)
     typer.echo(json.dumps(schemas[kind](), indent=2))
 
 
