@@ -238,6 +238,7 @@ class _Derivation:
         crooked = [(r.name, r.form) for r in self.numbers.conductors if r.form != "linear" or r.signal]
         crooked += [(r.name, r.control or r.form) for r in self.numbers.loads if not r.fixed]
         crooked += [(node, "a specific heat that changes") for node in network.stores]
+        crooked += [(name, "a control") for name in network.controls]
         if crooked:
             raise DeckError(
                 f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title

@@ -194,7 +194,8 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
 
 def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> FlatLoad:
     fields = {name: face.fields[name] for name in (share, "area") if name}
-    return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux)
+    by = face.controls if share == "emissivity" else ()
+    return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux, by)
 
 
 def _sun(given: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:

@@ -478,7 +478,7 @@ def bench_of(
     refuse_unknown(switched, loads, f"{profile.title}, equipment", "there is no load '{}' to switch.", ScenarioError)
     if equipment is None:
         controlled = ("thermostat", "proportional")
-        switched = tuple(p for p, load in loads.items() if not any(f.startswith(controlled) for f in load.fields))
+        switched = tuple(p for p, load in loads.items() if not load.controls and not any(f.startswith(controlled) for f in load.fields))
     ambient = profile.value("ambient")
     others = {k: v for k, v in base.boundaries.items() if model.canonical(k) not in names}
     steps = profile.steps
