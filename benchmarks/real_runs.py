@@ -1,8 +1,8 @@
 """Coverage of 95 % bands on real runs of kinds that no fit saw: ``python benchmarks/real_runs.py`` scores, ``--page`` writes docs.
 
-One kind of run is left out at a time. What is fitted, and every factor, comes from the other kinds only. Readings are looked at on a grid of
-5 s, each run weighs the same. Peers are the bands of commit 7b51ca9 as they were, the same times the one factor that scores best on the
-other kinds, and the same times the factor of run-level conformal prediction. The data are not part of thermid: `DATA`, or ``--data``.
+One kind of run is left out at a time. What is fitted, and every factor, comes from the other kinds only. Readings are looked at on a grid
+of 5 s, each run weighs the same. Peers are the bands of commit 7b51ca9 as they were, the same times the one factor that scores best on
+the other kinds, and the same times the factor of run-level conformal prediction. The data are not part of thermid: `DATA`, or ``--data``.
 """
 
 from __future__ import annotations
@@ -212,8 +212,8 @@ def best_factor(others: Sequence[Mapping[str, Any]]) -> float:
 def conformal_factor(others: Sequence[Mapping[str, Any]]) -> float:
     """Return the factor that holds 95 % of the readings of a further run with a chance of 95 %, runs being exchangeable.
 
-    Of n runs it is the ``ceil(0.95 (n + 1))`` smallest of theirs (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005);
-    with fewer than 19 there is none, and the band is infinite.
+    Of n runs it is the ``ceil(0.95 (n + 1))`` smallest of theirs (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World,
+    2005); with fewer than 19 there is none, and the band is infinite.
     """
     known = sorted(c["factor"] for c in others if "refused" not in c)
     place = int(np.ceil(LEVEL * (len(known) + 1)))
@@ -260,5 +260,5 @@ if __name__ == "__main__":
         print(what, [round(mean(rows, k), 3) for k in range(3)], interval({n: r[0] for n, r in rows.items()}, kinds))
         for kind in dict.fromkeys(kinds.values()):
             own = {n: r for n, r in rows.items() if kinds[n] == kind}
-            rm=np.mean([runs[n]["rmse"] for n in own if "rmse" in runs[n]])
-            print("   ", f"{kind:24s}", len(own), [round(mean(own, k), 3) for k in range(3)], round(float(rm),3))
+            rm = np.mean([runs[n]["rmse"] for n in own if "rmse" in runs[n]])
+            print("   ", f"{kind:24s}", len(own), [round(mean(own, k), 3) for k in range(3)], round(float(rm), 3))

@@ -17,13 +17,14 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import SCALE, Experiment
+from thermid.fit.problem.gather import wired
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
 from thermid.fit.uncertainty.noise import stretch_means
 from thermid.linear_algebra import Array, Indices, symmetric_inverse
-from thermid.model.laws.signal import TableSignal
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
+from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
@@ -39,10 +40,11 @@ SWEEPS = 4
 INSTANTS = 601
 """Times at which the powers of a run are looked at."""
 ACTIVE, STEP, RESTLESS = 0.02, 0.02, 0.25
-"""Share of the power from which a load acts; change of it, in parts of its largest, that is one; share of such instants from which it varies
-continuously. [-]"""
-HOT, BAND, COLDEST = 5.0, 20.0, -273.15 + 263.15
-"""Kelvin from the boundary from which a start is hot; width of the classes of a boundary's temperature, and one of their borders. [K]"""
+"""Share of the power from which a load acts; change of it, in parts of its largest, that is one; share of such instants from which it
+varies continuously. [-]"""
+HOT, BAND, BORDER = 5.0, 20.0, -10.0
+"""Kelvin from the boundary from which a start is hot; width of the classes of a boundary's temperature, and one of their borders
+[degC]."""
 
 
 # ---- kinds of run -----------------------------------------------------------------------------------------------------------------
@@ -59,8 +61,8 @@ def kind_of_run(wiring: Wiring, engine: Engine, x: Array | None) -> str:
     hottest = max(first, key=lambda n: abs(first[n] - room), default="")
     if hottest and abs(first[hottest] - room) > HOT:
         parts.append(f"from {'hot' if first[hottest] > room else 'cold'} {hottest}")
-    band = int((room - 273.15 + 10.0) // BAND)
-    parts.append(f"at {BAND * band - 10.0:.0f} to {BAND * (band + 1) - 10.0:.0f} degC")
+    low = BORDER + BAND * ((room - ICE_POINT - BORDER) // BAND)
+    parts.append(f"at {low:.0f} to {low + BAND:.0f} degC")
     return ", ".join([*parts, *_gases(scenario)])
 
 
@@ -140,8 +142,13 @@ def _emissivity(element: FlatConductor | FlatLoad | FlatNode) -> list[str]:
     return [element.emissivity] if isinstance(element, FlatConductor) and element.emissivity else []
 
 
-SIZES = ("conductance", "resistance", "effective_htc", "htc", "htc.coefficient", "contact_conductance", "emissivity", "conductivity", "scale")
+SIZES = (
+    *("conductance", "resistance", "effective_htc", "htc", "htc.coefficient"),
+    *("contact_conductance", "emissivity", "conductivity", "scale"),
+)
+"""Fields of a conductor that its heat flow is proportional to, the first one that it has counts."""
 STORES = ("capacitance", "mass")
+"""The same of a node."""
 
 
 def _number(flat: Flat, element: FlatConductor | FlatNode) -> str:
@@ -173,7 +180,7 @@ class RegimeRun:
     known : array (locals, locals)      Inverse covariance of the priors of these.
     spans : array (rows,)               Times, in lengths of the run. [-]
     sensor : array (rows,)              Which sensor a row is of.
-    values : dict                       Name of a local temperature with a stated start -> (text of the start, found less start [K], column).
+    values : dict                       Own temperature with a stated start -> (text of the start, found less start [K], column).
     """
 
     record: str
@@ -216,6 +223,7 @@ def _widened(fit: Calibration, problem: Problem, names: Mapping[str, str]) -> tu
     """Return the problem with what deviates among its unknowns, where it is, and the column of each."""
     at = np.array(list(fit.fitted.values()))
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
+    numbers = problem.experiments[0].network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
     more: list[Unknown] = []
     for name in (n for n in names if n not in place):
         targets = [Influence(i, name) for i in range(len(problem.experiments))]
@@ -224,7 +232,7 @@ def _widened(fit: Calibration, problem: Problem, names: Mapping[str, str]) -> tu
             taken = {t.experiment for u in problem.unknowns for t in u.targets if t.name == name}
             targets = [Influence(i, name, -1.0 if i in taken else 0.0) for i in range(len(problem.experiments))]
         else:
-            value = float(value_of(problem.experiments[0].network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values[name]))
+            value = float(value_of(numbers[name]))
         place[name] = len(problem.unknowns) + len(more)
         more.append(Unknown(name, "parameter", tuple(targets), value, True))
     wide = replace(problem, unknowns=(*problem.unknowns, *more))
@@ -274,7 +282,7 @@ def _stated_starts(fit: Calibration, problem: Problem, i: int, end: Array, own: 
     e, request = problem.experiments[i], fit.request
     if request is None:
         return {}
-    find = {f"initial.{e.network.find(n.removeprefix('initial.'))}" if n.startswith("initial.") else e.network.find(n): n for n in request.locals_of(e.record)}
+    find = {wired(e, n): n for n in request.locals_of(e.record)}
     out = {}
     for column, k in enumerate(own):
         name = problem.unknowns[k].name.removeprefix(f"{e.record.name}: ")
@@ -387,7 +395,7 @@ def _responses(problem: Problem, kinds: Mapping[str, Sequence[RegimeRun]]) -> di
     known = rows.T @ rows
     cross = {}
     for kind, several in kinds.items():
-        cross[kind] = 0.0
+        cross[kind] = np.zeros((len(shared), several[0].deviating.shape[1]))
         for run in several:
             weighed = run.left(run.shared).T * run.weights
             known = known + weighed @ run.shared

@@ -1,4 +1,4 @@
-"""`predict_record`: what fitted values say of a logged run, with the band of every reading: how far off, how much inside, where it is worst.
+"""`predict_record`: what fitted values say of a logged run, with the band of every reading: how far off, how much inside, where worst.
 
 The band is that of a reading: what the prediction does not know, what the run's own fitted values (its room, its start, its clock) have
 followed of that, the constant error of the sensor, and the noise of one reading.
@@ -7,7 +7,7 @@ followed of that, the constant error of the sensor, and the noise of one reading
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
@@ -17,6 +17,7 @@ from thermid.arguments import takes_objects
 from thermid.fit.calibrate import fit as fitted_to
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment, Observation, as_found, attached
+from thermid.fit.problem.gather import wired
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.regime_runs import wandering
@@ -26,7 +27,6 @@ from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure import Record
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.parts.parameter import UNJUDGED, Standing
-from thermid.physics.constants import ICE_POINT
 from thermid.prediction.budget import MISFIT, Budget, Target, budget_of, first_line, in_order
 from thermid.prediction.known import Known, instruments_of
 from thermid.prediction.setting import Setting
@@ -67,7 +67,9 @@ class WorstStretch:
 
     def __str__(self) -> str:
         """Return it in words."""
-        return f"{self.sensor} from {self.begin / 60:.3g} to {self.end / 60:.3g} min: {100 * self.inside:.0f} % inside, RMSE {self.rmse:.2g} K"
+        return (
+            f"{self.sensor} from {self.begin / 60:.3g} to {self.end / 60:.3g} min: {100 * self.inside:.0f} % inside, RMSE {self.rmse:.2g} K"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +288,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     without : sequence          Sources that are not counted, as in `predict`.
     """
     problem = shown.problem
-    assert problem is not None and shown.request is not None
+    assert problem is not None
     end = np.array(list(shown.fitted.values()))
     bench = problem.bench(0, end)
     e, scenario = bench.experiment, as_run(problem, end, bench.experiment)
@@ -319,7 +321,7 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
     assert request is not None
     find = e.network.find
     taken = {i.name for i in shown.local} | {find(c.target or c.name) for c in e.record.channels.values() if c.role == "boundary"}
-    rules = {_place(find, n): r for n, r in request.readings.items()}
+    rules = {wired(e, n): r for n, r in request.readings.items()}
     given = request.scenario(e.record)
     texts = {f"initial.{find(n)}": str(t) for n, t in given.initial.items() if isinstance(t, str)}
     open_ = []
@@ -348,11 +350,6 @@ def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:
         if isinstance(given, Constant) and abs(literal(text, TEMPERATURE) - given.value) < SAME:
             return text
     return ""
-
-
-def _place(find: Any, name: str) -> str:
-    head, _, node = name.partition(".")
-    return f"initial.{find(node)}" if head == "initial" and node else str(find(name))
 
 
 def _banded(
