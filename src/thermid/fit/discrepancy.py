@@ -23,7 +23,8 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regime_runs import regimes_of
 from thermid.fit.regimes import KEY as REGIMES
-from thermid.fit.uncertainty.noise import Autocorrelation, binned
+from thermid.fit.uncertainty.noise import Autocorrelation
+from thermid.fit.uncertainty.stretches import binned
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, finite
 from thermid.model.laws.signal import TableSignal

@@ -21,7 +21,7 @@ from thermid.fit.problem.gather import wired
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
-from thermid.fit.uncertainty.noise import stretch_means
+from thermid.fit.uncertainty.stretches import stretch_means
 from thermid.linear_algebra import Array, Indices, symmetric_inverse
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.physics.constants import ICE_POINT

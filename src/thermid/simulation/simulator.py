@@ -68,8 +68,12 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
             f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {MOST_SAMPLES:,}. Give a longer one.",
             scenario.title,
         )
-    grid = np.arange(0.0, scenario.seconds * (1 + 1e-12), step)
-    return grid if np.isclose(grid[-1], scenario.seconds) else np.append(grid, scenario.seconds)
+    # a whole number of intervals may miss the duration, or pass it, by rounding
+    grid: Array = step * np.arange(int(scenario.seconds / step * (1.0 + 1e-12)) + 1, dtype=float)
+    if grid.size > 1 and np.isclose(grid[-1], scenario.seconds, rtol=1e-9, atol=0.0):
+        grid[-1] = scenario.seconds
+        return grid
+    return np.append(grid, scenario.seconds)
 
 
 @takes_objects

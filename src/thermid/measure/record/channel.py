@@ -99,6 +99,7 @@ class Channel:
     samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
                                     somebody said; empty where nobody did, which is taken as instants.
     assumed : bool                  Whether nothing said its unit, so that the usual one was taken.
+    common : float or None          Standard deviation of an error that all samples share and no other record has, as that of a mean. [SI]
 
     Raises
     ------
@@ -123,6 +124,7 @@ class Channel:
     prompt: bool = False
     samples: str = ""
     assumed: bool = False
+    common: float | None = None
 
     def __post_init__(self) -> None:
         """Check the parts against each other and lock the arrays."""

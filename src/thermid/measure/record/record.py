@@ -37,6 +37,7 @@ from thermid.measure.record.channel import (
     stretch,
     with_sensor,
 )
+from thermid.measure.record.scatter import step_of
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
 from thermid.units import TEMPERATURE, format_value, unit
@@ -233,7 +234,7 @@ class Record(Samples):
         for each in self._temperatures(channels, "spikes"):
             centre, spread = windows.hampel(self.times, each.values, each.valid, width)
             # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
-            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * _sensor_step(each))
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(each))
             masked.append(each.masked(np.abs(each.values - centre) > allowed, "spike"))
         unit = "K" if absolute else "robust standard deviations"
         return self._noted(
@@ -486,21 +487,6 @@ class Record(Samples):
     def _lost(self, masked: Sequence[Channel]) -> str:
         """Return the samples that were masked of each channel, in words."""
         return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
-
-
-def _sensor_step(channel: Channel) -> float:
-    """Return the step of a sensor: its resolution, or the usual difference between the levels that it took, or zero.
-
-    A record that takes each value twice or more on average is one of levels.
-    """
-    if channel.resolution is not None:
-        return channel.resolution
-    samples = channel.values[channel.valid]
-    levels = np.unique(np.round(samples, 9))  # a level converted from degC may differ in its last digit
-    if not 1 < levels.size <= samples.size / 2:
-        return 0.0
-    # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
-    return float(np.quantile(np.diff(levels), 0.25, method="lower"))
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
