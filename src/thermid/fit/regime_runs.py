@@ -24,6 +24,7 @@ from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, gr
 from thermid.fit.uncertainty.stretches import stretch_means
 from thermid.linear_algebra import Array, Indices, symmetric_inverse
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
+from thermid.model.tree.identity import identity_of
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
@@ -322,7 +323,7 @@ class Stack:
 def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     """Return what the kinds of run of a fit say of a further one; None of synthetic records, and where nothing was fitted.
 
-    A prior of what hardware differs by says nothing of records that a law made.
+    A prior of what hardware differs by says nothing of records that a law made. Of a joint fit of several levels the stages say it.
 
     Parameters
     ----------
@@ -332,6 +333,8 @@ def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     problem = fit.problem
     if fit.synthetic or problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
         return None
+    if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
+        return None  # levels of an assembly fitted together have no parameter paths in common
     below = list(fit.store.parameters) if fit.store is not None else []
     flat = problem.experiments[0].network.flat
     fitted = [*(u.name for u in problem.unknowns if u.kind == "parameter"), *(p for p in below if p in flat.parameters.table)]
