@@ -130,7 +130,9 @@ def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -
     answer = engine.integrate(a, times, a.reduced.nodes, end, options)
     traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
     known = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    flows = wiring.conductor_flows(a.numbers, known, times)
+    modes = dict(zip(engine.control_names, answer.states(times).T, strict=True))
+    every = {**known, **{n: traces.temperature(n) for n in a.reduced.controllers}}
+    flows = wiring.conductor_flows(a.numbers, known, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
     forms: dict[str, list[str]] = {}
     for row in a.numbers.conductors:
         forms.setdefault(row.name, []).append(row.form if value_of(row.coefficients[0]) else "")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, IdentificationError, nearest
+from thermid.errors import DeckError, IdentificationError, refuse_unknown
 from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
@@ -210,11 +210,9 @@ def validate(
         raise IdentificationError(f"record '{record.name}' was used by {user}; a validation needs data that no fit has seen.")
     prediction = fit(record_request(calibration, record, scenario, local, readings, window))
     statistics = prediction.statistics[record.name]
-    for sensor in criteria.sensors or {}:
-        if sensor not in statistics:
-            raise IdentificationError(
-                f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}"
-            )
+    refuse_unknown(
+        criteria.sensors or {}, statistics, "", f"criteria are given for '{{}}', which is no sensor of {record.name}.", IdentificationError
+    )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
     bands = record_bands(calibration, prediction)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from thermid.errors import IdentificationError, RecordError, nearest
+from thermid.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.fit.problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
@@ -69,8 +69,7 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
 def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
-        if sensor not in sensors:
-            raise IdentificationError(f"a weight is given for '{sensor}', which is no sensor here.{nearest(sensor, sensors)}", where)
+        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is no sensor here.", IdentificationError)
         if not (math.isfinite(weight) and weight > 0):
             raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
 
