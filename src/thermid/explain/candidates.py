@@ -38,8 +38,8 @@ KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
 loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
 between groups of like evidence."""
 ADDED = "suspected_link_"
-Judge = Callable[[Calibration], tuple[str, bool]]
-"""What was found, in words, and whether it is physically possible."""
+Judge = Callable[[Any], tuple[str, bool]]
+"""Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
 SENSOR_LAG = (0.5, 600.0)
 """Time constants of a sensor on or in a metal part, from a bare thermocouple to a probe in a pocket. [s]"""
 NATURAL = (0.2, 6.0)
@@ -49,6 +49,8 @@ GROWTH = (0.0, 0.02)
 """Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
 TIP = 0.1
 """A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
+SMALL = 0.05
+"""Part of what a part loses already that a new way of its heat begins with. [-]"""
 MOST_PLACES = 6
 """Places of a network that are looked at for changes: the observed ones first."""
 PACES = (0.03, 0.2, 1.0, 5.0)
@@ -192,6 +194,7 @@ class MissingElement:
     make : callable     Lays it over another request of the same model, so that several are tried together.
     nodes : int         Masses that it adds; a sensor's own is none.
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
+    additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     """
 
     name: str
@@ -200,6 +203,7 @@ class MissingElement:
     make: Callable[[Request], Request]
     nodes: int = 0
     starts: tuple[Mapping[str, float], ...] = ()
+    additive: bool = False
 
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one."""
@@ -213,7 +217,8 @@ class MissingElement:
 
         first = [*self.starts] or [{}]
         starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
-        return MissingElement(f"{self.name}, and {other.name}", make(self.request), judge, make, self.nodes + other.nodes, starts)
+        nodes, additive = self.nodes + other.nodes, self.additive and other.additive
+        return MissingElement(f"{self.name}, and {other.name}", other.make(self.request), judge, make, nodes, starts, additive)
 
 
 @dataclass(frozen=True)
@@ -337,6 +342,7 @@ def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
 
 
 def _places(seen: Fitted) -> list[_Place]:
+    """Return observed masses, and those behind a sensor that is a node of its own in place of it."""
     experiments, flat = seen.experiments, seen.experiments[0].network.flat
     network = experiments[0].network
     numbers = network.numbers({p: v for p, v in seen.values.items() if p in flat.parameters.table})
@@ -346,23 +352,29 @@ def _places(seen: Fitted) -> list[_Place]:
         for o in e.observations:
             known = channels.setdefault(o.seat, [])
             known += [o.sensor] if o.sensor not in known else []
-    ends = [tuple(row.ends[:2]) for row in numbers.conductors]
-    behind = [b for pair in ends for a, b in (pair, pair[::-1]) if a in channels and b in held and held.get(a, 0.0) < TIP * held[b]]
+    near: dict[str, list[str]] = {}
+    for row in numbers.conductors:
+        for a, b in (row.ends[:2], row.ends[1::-1]):
+            near.setdefault(a, []).append(b)
+    loads = {r.node: r.path for r in flat.loads}
+    watts = {row.name: float(value_of(row.coefficients[0])) for row in numbers.loads}
     skins = [c for c in flat.conductors if c.kind in ("convection", "effective") and "area" in c.fields]
-    strength = {n: g for n, g in _strengths(numbers.conductors).items() if g > 0}
-    out = []
-    for node in dict.fromkeys([*(n for n in channels if n in held), *(b for b in behind if b not in channels)]):
-        boundary = next((b for pair in ends if node in pair for b in pair if b in network.boundaries), "")
-        area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if node in c.ends)
-        load = next((r.path for r in flat.loads if r.node == node), "")
-        power = next((float(value_of(row.coefficients[0])) for row in numbers.loads if row.name == load), 0.0)
-        near = [b for pair in ends if node in pair for b in pair if b in seen.rises]
-        rise = max([seen.rises[n] for n in ([node] if node in seen.rises else near)], default=1.0)
-        tip = held[node] < TIP * max((held[b] for pair in ends if node in pair for b in pair if b in held and b != node), default=0.0)
-        own = () if tip else tuple(channels.get(node, ()))  # a sensor that is a node of its own lags already
-        place = _Place(node, own, held[node], strength.get(node, 0.0), boundary, area, max(rise, 1e-3), load, power)
-        out += [] if tip and behind else [place]
-    return out[:MOST_PLACES]
+    strength = _strengths(numbers.conductors)
+    out = {}
+    for node in (n for n in channels if n in held):
+        beside = near.get(node, [])
+        tip = len(beside) == 1 and node not in loads and held[node] < TIP * held.get(beside[0], 0.0)
+        seat = beside[0] if tip else node
+        if seat in out:
+            continue
+        around = near.get(seat, [])
+        boundary = next((b for b in around if b in network.boundaries), "")
+        area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if seat in c.ends)
+        # a sensor that is a node of its own lags already
+        own, load = () if tip else tuple(channels[node]), loads.get(seat, "")
+        rise = max(seen.rises.get(node, 1.0), 1e-3)
+        out[seat] = _Place(seat, own, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
+    return list(out.values())[:MOST_PLACES]
 
 
 def _strengths(rows: Sequence[Any]) -> dict[str, float]:
@@ -552,7 +564,7 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
 def _linked(request: Request, a: _Place, b: _Place) -> MissingElement:
     """A contact between two parts."""
     name = _free_name(request, f"{a.word}_to_{b.word}")
-    free, size = f"{name}.conductance", 0.1 * min(a.loss or 1.0, b.loss or 1.0)
+    free, size = f"{name}.conductance", SMALL * min(a.loss or 1.0, b.loss or 1.0)
     make = _adding(
         "a contact",
         (free,),
@@ -562,15 +574,14 @@ def _linked(request: Request, a: _Place, b: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K", True
 
-    starts = ({free: size}, {free: 10.0 * size})
-    return MissingElement(f"a contact between '{a.node}' and '{b.node}'", make(request), judge, make, 0, starts)
+    return MissingElement(f"a contact between '{a.node}' and '{b.node}'", make(request), judge, make, additive=True)
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
     """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
     name = _free_name(request, f"{place.word}_outward_{re.sub('[^0-9A-Za-z_]', '_', other)}")
     free = f"{name}.scale"
-    size = 0.1 * place.loss or 1e-3
+    size = SMALL * place.loss or 1e-3
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
     curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     make = _adding(
@@ -582,7 +593,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
-    return MissingElement(f"a coupling of '{place.node}' and {words} that depends on direction", make(request), judge, make)
+    return MissingElement(f"a coupling of '{place.node}' and {words} that depends on direction", make(request), judge, make, additive=True)
 
 
 def _late(request: Request) -> Iterator[MissingElement]:
@@ -616,7 +627,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
 def _steeper(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
-    size = 0.5 if place.area else 0.1 * place.loss or 0.01
+    size = 0.5 if place.area else SMALL * place.loss or 0.01
     fields = {
         "htc.coefficient": _amount(size, "W/(m^2 K)", name),
         "htc.exponent": parameter("0.25", name),
@@ -630,12 +641,14 @@ def _steeper(request: Request, place: _Place) -> MissingElement:
         share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
         return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
 
-    return MissingElement(f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make)
+    return MissingElement(
+        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True
+    )
 
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_radiated"), place.area or 0.01
-    start = 0.2 if place.area else min(max(0.3 * place.loss / (6.0 * area), 1e-4), 10.0)
+    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-4), 10.0)
     fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
@@ -644,7 +657,7 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
         e = found[free].value
         return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
 
-    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make)
+    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True)
 
 
 def _growing(request: Request, place: _Place) -> MissingElement:
@@ -664,4 +677,4 @@ def _growing(request: Request, place: _Place) -> MissingElement:
         share = growth / abs(place.power) if place.power else float("inf")
         return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
 
-    return MissingElement(f"a power of '{place.load}' that grows with temperature", make(request), judge, make)
+    return MissingElement(f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True)
