@@ -192,7 +192,7 @@ class MissingElement:
     request : Request   The fit with it.
     judge : callable    Says what was found and whether it is possible.
     make : callable     Lays it over another request of the same model, so that several are tried together.
-    nodes : int         Masses that it adds; a sensor's own is none.
+    nodes : int         Masses that it adds; that of a sensor that lags is one.
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     """
@@ -238,7 +238,7 @@ class _Place:
     @property
     def word(self) -> str:
         """Its path as part of a name."""
-        return re.sub(r"[^0-9A-Za-z_]", "_", self.node)
+        return _word(self.node)
 
     @property
     def pace(self) -> float:
@@ -296,17 +296,25 @@ def changes_of(seen: Fitted) -> Iterator[MissingElement]:
     for place in places:
         yield from _at_a_place(seen, place)
         if place.boundary:
-            yield _shell(seen.request, place)
+            shell = _shell(seen.request, place)
+            yield shell
+            if place.load in seen.request.model.loads:
+                yield _source(seen.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
             yield _one_way(seen.request, place, place.boundary, f"'{place.boundary}'")
     joined = _joined(seen.experiments[0].network, {p.node for p in places})
     for a, b in itertools.combinations(places, 2):
         if frozenset((a.node, b.node)) not in joined:
-            yield _linked(seen.request, a, b)
+            yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
         else:
             yield _one_way(seen.request, a, b.node, f"'{b.node}'")
+    yield from _of_hidden(seen, places)
     yield from _alike(seen, places)
     if len(places) > 1:
-        yield _shared(seen.request, places)
+        shared = _shared(seen.request, places)
+        yield shared
+        for place in places:
+            if place.load in seen.request.model.loads:
+                yield _source(seen.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
     yield from _late(seen.request)
 
 
@@ -316,7 +324,7 @@ def _at_a_place(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
         yield _lag(request, place)
     yield _second(request, place, "hidden_mass")
     if place.load in request.model.loads:
-        yield _source(request, place)
+        yield _source(request, place, _second(request, place, "inner_mass"), f"an inner mass that takes the heat of '{place.load}'")
     if place.boundary:
         yield _steeper(request, place)
         yield _radiation(request, place)
@@ -377,6 +385,20 @@ def _places(seen: Fitted) -> list[_Place]:
     return list(out.values())[:MOST_PLACES]
 
 
+def _of_hidden(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+    """Yield contacts of masses that no sensor observes, and of sensors that are nodes, with the parts and with the surroundings."""
+    network = seen.experiments[0].network
+    numbers = network.numbers({p: v for p, v in seen.values.items() if p in network.flat.parameters.table})
+    strength = _strengths(numbers.conductors)
+    known = {p.node for p in places}
+    hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in known]
+    joined = {frozenset(row.ends[:2]) for row in numbers.conductors}
+    ends = [*(p.node for p in places), *network.boundaries, *hidden]
+    for k, node in enumerate(hidden[:MOST_PLACES]):
+        for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
+            yield _linked(seen.request, node, other, SMALL * (strength.get(node) or 1.0))
+
+
 def _strengths(rows: Sequence[Any]) -> dict[str, float]:
     """Return node -> sum of the constant conductances that end at it. [W/K]"""
     out: dict[str, float] = {}
@@ -390,6 +412,11 @@ def _strengths(rows: Sequence[Any]) -> dict[str, float]:
 def _amount(value: float, unit: str, name: str) -> Any:
     """Return a new value to be fitted."""
     return parameter(f"{value!r} [{unit}]", name)
+
+
+def _word(path: str) -> str:
+    """Return a path as part of a name."""
+    return re.sub(r"[^0-9A-Za-z_]", "_", path)
 
 
 def _free_name(request: Request, name: str) -> str:
@@ -465,21 +492,20 @@ def _lag(request: Request, place: _Place) -> MissingElement:
         return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
 
     starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
-    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 0, starts)
+    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, starts)
 
 
-def _source(request: Request, place: _Place) -> MissingElement:
-    """The heat enters a second mass inside, not the part that is measured."""
-    inner = _second(request, place, "inner_mass")
-    name = next(n for n in inner.request.model.nodes if n not in request.model.nodes)
+def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
+    """The heat enters a new mass, not the part that is measured."""
+    node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
 
     def make(request: Request) -> Request:
-        made = inner.make(request)
+        made = mass.make(request)
         model = made.model
-        moved = replace(model.loads[place.load], into=name)
+        moved = replace(model.loads[place.load], into=node)
         return replace(made, model=replace(model, loads={**model.loads, place.load: moved}))
 
-    return replace(inner, name=f"an inner mass that takes the heat of '{place.load}'", request=make(request), make=make)
+    return replace(mass, name=name, request=make(request), make=make)
 
 
 def _second(request: Request, place: _Place, word: str) -> MissingElement:
@@ -561,25 +587,21 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
     return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, starts)
 
 
-def _linked(request: Request, a: _Place, b: _Place) -> MissingElement:
-    """A contact between two parts."""
-    name = _free_name(request, f"{a.word}_to_{b.word}")
-    free, size = f"{name}.conductance", SMALL * min(a.loss or 1.0, b.loss or 1.0)
-    make = _adding(
-        "a contact",
-        (free,),
-        conductors={name: Conductor("conduction", (a.node, b.node), {"conductance": _amount(size, "W/K", name)})},
-    )
+def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
+    """A contact between two nodes that begins with a conductance. [W/K]"""
+    name = _free_name(request, f"{_word(a)}_to_{_word(b)}")
+    free = f"{name}.conductance"
+    make = _adding("a contact", (free,), conductors={name: Conductor("conduction", (a, b), {"conductance": _amount(size, "W/K", name)})})
 
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K", True
 
-    return MissingElement(f"a contact between '{a.node}' and '{b.node}'", make(request), judge, make, additive=True)
+    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, additive=True)
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
     """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
-    name = _free_name(request, f"{place.word}_outward_{re.sub('[^0-9A-Za-z_]', '_', other)}")
+    name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
     size = SMALL * place.loss or 1e-3
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
