@@ -307,6 +307,8 @@ def changes_of(seen: Fitted) -> Iterator[MissingElement]:
             yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
         else:
             yield _one_way(seen.request, a, b.node, f"'{b.node}'")
+    for place in _places(seen, hidden=True):
+        yield _second(seen.request, place, "hidden_mass")
     yield from _of_hidden(seen, places)
     yield from _alike(seen, places)
     if len(places) > 1:
@@ -349,8 +351,8 @@ def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
             yield replace(whole, name=name)
 
 
-def _places(seen: Fitted) -> list[_Place]:
-    """Return observed masses, and those behind a sensor that is a node of its own in place of it."""
+def _places(seen: Fitted, hidden: bool = False) -> list[_Place]:
+    """Return observed masses, and those behind a sensor that is a node of its own in place of it; or the masses that nobody observes."""
     experiments, flat = seen.experiments, seen.experiments[0].network.flat
     network = experiments[0].network
     numbers = network.numbers({p: v for p, v in seen.values.items() if p in flat.parameters.table})
@@ -368,8 +370,10 @@ def _places(seen: Fitted) -> list[_Place]:
     watts = {row.name: float(value_of(row.coefficients[0])) for row in numbers.loads}
     skins = [c for c in flat.conductors if c.kind in ("convection", "effective") and "area" in c.fields]
     strength = _strengths(numbers.conductors)
-    out = {}
-    for node in (n for n in channels if n in held):
+    out: dict[str, _Place] = {}
+    for node in (n for n in (held if hidden else channels) if n in held):
+        if hidden and (node in channels or any(c in channels and len(near.get(c, [])) == 1 for c in near.get(node, []))):
+            continue
         beside = near.get(node, [])
         tip = len(beside) == 1 and node not in loads and held[node] < TIP * held.get(beside[0], 0.0)
         seat = beside[0] if tip else node
@@ -379,7 +383,7 @@ def _places(seen: Fitted) -> list[_Place]:
         boundary = next((b for b in around if b in network.boundaries), "")
         area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if seat in c.ends)
         # a sensor that is a node of its own lags already
-        own, load = () if tip else tuple(channels[node]), loads.get(seat, "")
+        own, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
         rise = max(seen.rises.get(node, 1.0), 1e-3)
         out[seat] = _Place(seat, own, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
     return list(out.values())[:MOST_PLACES]

@@ -26,7 +26,7 @@ from thermid.fit.minimisation import Fit, minimise
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem, loss_of
-from thermid.fit.problem.unknowns import Prior, starting_point
+from thermid.fit.problem.unknowns import Prior, Unknown, starting_point
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.measure.record.channel import BoolArray
@@ -40,6 +40,10 @@ PRIOR_STEP = 1.5
 """Standard deviation that a score allows each logarithm, so that one step is not believed farther than it can be. [-]"""
 FREE_STEP = 20.0
 """The same for a value that begins small and whose effect is proportional to it, over `PRIOR_STEP`. [-]"""
+CHALLENGES = 3
+"""Structures of one mass more that are refitted at the end."""
+STARTS = 5.0
+"""Standard deviation of a start about its first reading, in noises; 1 K at least. [-]"""
 LOOSE = 5.0
 """Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
 NEAR = 0.5
@@ -287,7 +291,8 @@ class _Search:
                 complete = not self._late()
                 break
             best = found
-        best = self._pruned(best)
+        best = self._simplest(self._pruned(best))
+        self._challenge(best)
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -305,9 +310,6 @@ class _Search:
         """Return the best structure one or two changes on; None where held-out readings support none."""
         scores = sorted(self._scores(best), key=lambda s: -s.gain)
         chosen = [s for s in scores[: self.width] if s.gain > 0.5]
-        more = [s for s in scores if s.change.nodes and s not in chosen]
-        # whether one mass more cannot be told is known once it was tried
-        chosen += more[:1] if not any(s.change.nodes for s in chosen) else []
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
         made = [self._refitted(best, score) for score in chosen]
         scale = self._scale()
@@ -324,7 +326,12 @@ class _Search:
             return None
         top = max(m.held.likelihood(scale) for m in able)
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
-        return min(near, key=lambda m: (len(m.problem.unknowns), -m.held.likelihood(scale)))
+        return min(near, key=lambda m: (m.nodes, -m.held.likelihood(scale)))
+
+    def _challenge(self, best: Structure) -> None:
+        """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
+        for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
+            self._refitted(best, score)
 
     def _scores(self, best: Structure) -> list[Score]:
         """Return the score of every change."""
@@ -399,7 +406,7 @@ class _Search:
         scale = self._scale()
         own = best.held.likelihood(scale)
         alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
-        return min(alike, key=lambda s: (s.nodes, len(s.problem.unknowns), -s.held.likelihood(scale))) if alike else best
+        return min(alike, key=lambda s: (s.nodes, -s.held.likelihood(scale))) if alike else best
 
 
 def _pair(a: Score, b: Score) -> Score:
@@ -475,12 +482,21 @@ def fitted_structure(
 
 
 def _loosely_held(problem: Problem) -> Problem:
-    """Return a problem whose positive parameters without a prior have one of a factor of exp(5), so that none drifts off for nothing."""
-    unknowns = tuple(
-        replace(u, prior=Prior(u.to_fitted(u.start), LOOSE)) if u.kind == "parameter" and u.log and u.prior is None else u
-        for u in problem.unknowns
-    )
-    return replace(problem, unknowns=unknowns)
+    """Return a problem in which nothing drifts off for nothing.
+
+    Positive parameters without a prior have one of a factor of exp(5); a start at a first reading has one about it, generous beside noise.
+    """
+    sigma = max((o.sigma(problem.noise) for o in problem.observations()), default=1.0)
+    near = max(STARTS * sigma, 1.0)
+
+    def held(u: Unknown) -> Unknown:
+        if u.prior is None and u.kind == "parameter" and u.log:
+            return replace(u, prior=Prior(u.to_fitted(u.start), LOOSE))
+        if u.prior is None and u.kind == "local" and ": initial." in u.name:
+            return replace(u, prior=Prior(u.start, near))
+        return u
+
+    return replace(problem, unknowns=tuple(held(u) for u in problem.unknowns))
 
 
 def held_out(problem: Problem, end: Fit, request: Request) -> HeldOut:

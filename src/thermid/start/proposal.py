@@ -30,6 +30,8 @@ LOOSE_AMBIENT = 5.0
 """Standard deviation of an ambient that no column logs, about the lowest first reading. [K]"""
 PACES = (0.03, 0.15, 0.6)
 """Time constants that a fit is begun with, in parts of the log. [-]"""
+CONTACTS = (0.3, 10.0)
+"""Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ class Proposal:
         return "\n".join([*lines, str(self.search), *self.remarks])
 
 
-def base_deck(roles: Roles, capacity: float, loss: float) -> dict[str, Any]:
+def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3) -> dict[str, Any]:
     """Return the deck of measured parts, each joined to all others and to the surroundings.
 
     Parameters
@@ -76,10 +78,11 @@ def base_deck(roles: Roles, capacity: float, loss: float) -> dict[str, Any]:
     roles : Roles       With a part for every power.
     capacity : float    Heat capacity that each begins with. [J/K]
     loss : float        Conductance to the surroundings that each begins with. [W/K]
+    contact : float     Conductance between two parts that each begins with, over `loss`. [-]
     """
     parts = list(roles.parts.values())
     pairs = itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts)
-    links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{0.3 * loss!r} [W/K]"} for a, b in pairs}
+    links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{contact * loss!r} [W/K]"} for a, b in pairs}
     losses = {f"{p}_loss": {"kind": "conduction", "between": [p, SURROUNDINGS], "conductance": f"{loss!r} [W/K]"} for p in parts}
     return {
         "title": "Proposed",
@@ -90,9 +93,9 @@ def base_deck(roles: Roles, capacity: float, loss: float) -> dict[str, Any]:
     }
 
 
-def request_of(roles: Roles, records: Sequence[Record], capacity: float, loss: float) -> Request:
+def request_of(roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3) -> Request:
     """Return the fit of the parts alone; without a power in watts the first heat capacity is assumed and not fitted."""
-    deck = base_deck(roles, capacity, loss)
+    deck = base_deck(roles, capacity, loss, contact)
     free = [f"{n}.capacitance" for n in deck["nodes"]] + [f"{c}.conductance" for c in deck["conductors"]]
     if not _in_watts(roles):
         first = next(iter(deck["nodes"]))
@@ -199,10 +202,10 @@ def _begun(roles: Roles, records: Sequence[Record]) -> Structure:
     rise, span, watts = _scales(roles, records)
     best: Structure | None = None
     refusal: ThermidError | None = None
-    for pace in PACES:
+    for pace, contact in itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1]):
         loss = watts / max(rise, 1e-3) / max(len(roles.parts), 1) if _in_watts(roles) else ASSUMED / (pace * span)
         try:
-            one = fitted_structure((), request_of(roles, records, max(loss * pace * span, 1e-3), max(loss, 1e-6)), {})
+            one = fitted_structure((), request_of(roles, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact), {})
         except ThermidError as error:
             refusal = error
             continue

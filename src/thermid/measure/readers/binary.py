@@ -178,7 +178,7 @@ def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
     clock = ""
     for name, properties in objects.items():
         series = series_of(properties)
-        if series is None:
+        if series is None or len(series["Time"]) < 2:
             continue
         if clock and not np.array_equal(out["Time"][0], series["Time"]):
             raise RecordError(
@@ -199,7 +199,8 @@ def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = No
             vectors |= _flattened(name, value)
     if objects and not _clock_of(vectors):
         raise RecordError(
-            f"'{objects[0]}' is a MATLAB object (timetable, table, or a timeseries that holds no numbers), whose layout is not published. In MATLAB: "
+            f"'{objects[0]}' is a MATLAB object (timetable, table, or a timeseries without numbers), "
+            "whose layout is not published. In MATLAB: "
             f"t = {objects[0]}.Time; T = {objects[0]}.Data; save('log.mat', 't', 'T', '-v7').",
             file,
         )

@@ -13,6 +13,7 @@ import struct
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final, cast
 
 import numpy as np
@@ -59,7 +60,7 @@ class _Subsystem:
         names = [n.decode("ascii", "replace") for n in table[40 : offsets[0]].split(b"\0")][:count]
         if len(names) != count:
             raise _NotSoError("names")
-        words = [np.frombuffer(table[a:b], dtype="<u4") for a, b in zip(offsets, offsets[1:], strict=False)]
+        words = [np.frombuffer(table[a:b], dtype="<u4") for a, b in pairwise(offsets)]
         classes = [names[int(row[1]) - 1] if row[1] else "" for row in words[0].reshape(-1, 4)]
         objects = [(int(row[0]), int(row[3]), int(row[4])) for row in words[2].reshape(-1, 6)]
         return cls(classes, objects, list(_blocks(words[1])), list(_blocks(words[3])), values, names)
@@ -128,7 +129,7 @@ def objects_of(data: bytes, file: str) -> dict[str, Mapping[str, Any]]:
         for _, part in varmats_from_mat(cast("Any", io.BytesIO(data))):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of functions and objects, which are what is looked for
-                held = loadmat(part)
+                held = loadmat(cast("Any", part))
             workspace = held.get("__function_workspace__", workspace)
             for value in held.values():
                 if type(value).__name__ == "MatlabOpaque" and (number := _object_number(value[0]["arr"])) is not None:
@@ -153,7 +154,7 @@ def _cells(subsystem: bytes) -> list[Any]:
 
     # the subsystem is a MAT file but for its header
     for _, part in varmats_from_mat(cast("Any", io.BytesIO(_HEADER + subsystem[8:]))):
-        for value in loadmat(part).values():
+        for value in loadmat(cast("Any", part)).values():
             if isinstance(value, np.ndarray) and "MCOS" in (value.dtype.names or ()):
                 return list(value["MCOS"][0, 0][0]["arr"].reshape(-1))
     raise _NotSoError("no table of objects")
@@ -164,22 +165,22 @@ def series_of(properties: Mapping[str, Any]) -> dict[str, Any] | None:
 
     A time that MATLAB stores as start, increment and length is made of these.
     """
-    data = properties.get("Data_", properties.get("Data"))
-    clock = properties.get("TimeInfo_", properties.get("TimeInfo"))
-    times = properties.get("Time_", properties.get("Time"))
-    if isinstance(times, Mapping):
-        clock, times = times, None
-    if times is None and isinstance(clock, Mapping):
-        times = clock.get("Time_", clock.get("Time"))
-    if (times is None or np.size(times) == 0) and isinstance(clock, Mapping):
-        start, step, count = (np.asarray(clock.get(n, np.nan)).reshape(-1) for n in ("Start_", "Increment_", "Length_"))
-        if start.size == step.size == count.size == 1 and np.isfinite(step[0]) and count[0] >= 2:
+    data, clock = _stored(properties, "Data"), _stored(properties, "TimeInfo")
+    times = _stored(properties, "Time")
+    if isinstance(clock, Mapping) and not np.size(times):
+        times = _stored(clock, "Time")
+    if isinstance(clock, Mapping) and not np.size(times):
+        start, step, count = (np.asarray(_stored(clock, n)).reshape(-1) for n in ("Start", "Increment", "Length"))
+        if start.size == step.size == count.size == 1 and np.isfinite(step[0]):
             times = start[0] + step[0] * np.arange(int(count[0]))
-    if isinstance(data, Mapping):
-        data = next((v for n, v in data.items() if n.startswith("Data") and isinstance(v, np.ndarray)), None)
-    if not isinstance(data, np.ndarray) or not isinstance(times, np.ndarray) or times.size < 2:
+    if not isinstance(data, np.ndarray) or not isinstance(times, np.ndarray) or times.size < 1:
         return None
-    table = np.squeeze(data)
+    table = np.squeeze(data) if times.size > 1 else data.reshape(1, -1)
     if table.ndim == 2 and table.shape[0] != times.size and table.shape[1] == times.size:
         table = table.T
     return {"Time": times.reshape(-1).astype(float), "Data": table} if table.shape[:1] == (times.size,) else None
+
+
+def _stored(properties: Mapping[str, Any], name: str) -> Any:
+    """Return a property, which MATLAB stores under its name or with an underscore behind it; an empty array where there is none."""
+    return properties.get(f"{name}_", properties.get(name, np.zeros(0)))
