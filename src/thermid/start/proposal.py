@@ -30,6 +30,8 @@ LOOSE_AMBIENT = 5.0
 """Standard deviation of an ambient that no column logs, about the lowest first reading. [K]"""
 PACES = (0.03, 0.15, 0.6)
 """Time constants that a fit is begun with, in parts of the log. [-]"""
+MOST_PLACEMENTS = 9
+"""Ways to place powers in parts that are tried."""
 CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
 
@@ -134,7 +136,7 @@ def propose(roles: Roles, records: Sequence[Record], seconds: float = 60.0, nois
         sizes = {**found, **sizes}
     _refuse_still(made, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, made) for p in roles.powers))
-    begun = _begun(roles, made)
+    roles, begun = _begun(roles, made)
     search = search_structure(begun.request, changes=_within(len(roles.parts)), seconds=seconds, begin=begun.fitted)
     assumed = ""
     if not _in_watts(roles):
@@ -180,7 +182,7 @@ def _placed(power: Power, roles: Roles, records: Sequence[Record]) -> Power:
     if len(named) == 1:
         return replace(power, node=named[0])
     best = max(parts, key=lambda column: _answer(power.column, column, records))
-    return replace(power, node=parts[best])
+    return replace(power, node=parts[best], told=False)
 
 
 def _answer(power: str, column: str, records: Sequence[Record]) -> float:
@@ -197,24 +199,36 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(roles: Roles, records: Sequence[Record]) -> Structure:
-    """Return the parts alone, fitted from several time constants, the best end."""
+def _begun(roles: Roles, records: Sequence[Record]) -> tuple[Roles, Structure]:
+    """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
+
+    A power whose part nobody told is tried in every part.
+    """
     rise, span, watts = _scales(roles, records)
-    best: Structure | None = None
+    best: tuple[Roles, Structure] | None = None
     refusal: ThermidError | None = None
-    for pace, contact in itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1]):
-        loss = watts / max(rise, 1e-3) / max(len(roles.parts), 1) if _in_watts(roles) else ASSUMED / (pace * span)
-        try:
-            one = fitted_structure((), request_of(roles, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact), {})
-        except ThermidError as error:
-            refusal = error
-            continue
-        if best is None or one.end.cost < best.end.cost:
-            best = one
+    for placed in _placements(roles):
+        for pace, contact in itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1]):
+            loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
+            asked = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact)
+            try:
+                one = fitted_structure((), asked, {})
+            except ThermidError as error:
+                refusal = error
+                continue
+            if best is None or one.end.cost < best[1].end.cost:
+                best = placed, one
     if best is None:
-        assert refusal is not None
-        raise refusal
+        raise refusal or IdentificationError("no structure could be fitted.", records[0].name)
     return best
+
+
+def _placements(roles: Roles) -> list[Roles]:
+    """Return the roles with each power that nobody placed in every part in turn; as it is where that would be too many."""
+    parts = list(roles.parts.values())
+    choices = [[p] if p.told else [replace(p, node=n) for n in parts] for p in roles.powers]
+    made = list(itertools.islice(itertools.product(*choices), MOST_PLACEMENTS + 1))
+    return [replace(roles, powers=powers) for powers in made] if len(made) <= MOST_PLACEMENTS else [roles]
 
 
 def _scales(roles: Roles, records: Sequence[Record]) -> tuple[float, float, float]:

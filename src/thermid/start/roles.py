@@ -35,12 +35,14 @@ class Power:
     node : str          The part; empty where the log decides.
     full_scale : str    Power at 100 % of a duty, as text; empty for a column in watts, and where nobody said.
     duty : bool         Whether it is in per cent.
+    told : bool         Whether its part was told, by somebody or by its name; else the log decides.
     """
 
     column: str
     node: str = ""
     full_scale: str = ""
     duty: bool = False
+    told: bool = True
 
     @property
     def load(self) -> str:
