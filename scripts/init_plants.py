@@ -20,7 +20,7 @@ import numpy as np
 
 import thermid as td
 from thermid.errors import ThermidError
-from thermid.explain.structures import TIE, Structure, adopted, fitted_structure
+from thermid.explain.structures import TIE, FittedStructure, adopted, fitted_structure
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import starting_point
@@ -132,7 +132,7 @@ def _log(model: td.Model, roles: Roles, rng: np.random.Generator, span: float, s
     return td.Record.from_arrays(name, times, {**noisy, **inputs})
 
 
-def error_on(one: Structure, other: td.Record) -> float:
+def error_on(one: FittedStructure, other: td.Record) -> float:
     """Return the RMSE of a structure on another log, its parameters fixed and its starts fitted. [K]"""
     asked = adopted(one)
     seats = {c.name: c.target for c in asked.records[0].channels.values()}
@@ -142,7 +142,7 @@ def error_on(one: Structure, other: td.Record) -> float:
     return fitted_structure((), replace(asked, records=(moved,), free=()), {}).rmse
 
 
-def known(plant: Plant, noise: Mapping[str, float]) -> Structure:
+def known(plant: Plant, noise: Mapping[str, float]) -> FittedStructure:
     """Return the true structure fitted to the log, from the true values, with the noise that the proposal found. [K]"""
     free = (*(f"{n}.capacitance" for n in plant.model.nodes), *(f"{c}.conductance" for c in plant.model.conductors))
     record = plant.log.with_channels(*(replace(plant.log[c], noise=noise[c]) for c in plant.roles.parts))

@@ -301,7 +301,8 @@ def changes_of(seen: Fitted) -> Iterator[MissingElement]:
             if place.load in seen.request.model.loads:
                 yield _source(seen.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
             yield _one_way(seen.request, place, place.boundary, f"'{place.boundary}'")
-    joined = _joined(seen.experiments[0].network, {p.node for p in places})
+    network = seen.experiments[0].network
+    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for a, b in itertools.combinations(places, 2):
         if frozenset((a.node, b.node)) not in joined:
             yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
@@ -613,7 +614,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     make = _adding(
         "a coupling in one direction",
         (free,),
-        conductors={name: Conductor("table", (place.node, other), {"scale": _amount(size, "1", name)}, curve=curve)},
+        conductors={name: Conductor("table", (place.node, other), {"scale": parameter({"value": size, "min": 1e-9}, name)}, curve=curve)},
     )
 
     def judge(found: Any) -> tuple[str, bool]:

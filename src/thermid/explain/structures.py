@@ -75,7 +75,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Structure:
+class FittedStructure:
     """One structure that was fitted.
 
     Parameters
@@ -167,8 +167,8 @@ class StructureSearch:
 
     Parameters
     ----------
-    structures : tuple of Structure     All that were fitted, in order; the first is the one at the beginning.
-    proposed : Structure                The simplest of those that held-out readings support equally well.
+    structures : tuple of FittedStructure     All that were fitted, in order; the first is the one at the beginning.
+    proposed : FittedStructure                The simplest of those that held-out readings support equally well.
     scale : dict                        (record, sensor) -> variance that all are weighed by, in units of the stated noise. [-]
     refused : tuple of (str, str)       Changes that could not be fitted, and why.
     scored : int                        Changes that were scored.
@@ -176,8 +176,8 @@ class StructureSearch:
     complete : bool                     Whether it ended by itself, and not by its time.
     """
 
-    structures: tuple[Structure, ...]
-    proposed: Structure
+    structures: tuple[FittedStructure, ...]
+    proposed: FittedStructure
     scale: Mapping[tuple[str, str], float]
     refused: tuple[tuple[str, str], ...]
     scored: int
@@ -185,22 +185,22 @@ class StructureSearch:
     complete: bool
 
     @property
-    def start(self) -> Structure:
+    def start(self) -> FittedStructure:
         """The structure at the beginning."""
         return self.structures[0]
 
-    def likelihood(self, one: Structure) -> float:
+    def likelihood(self, one: FittedStructure) -> float:
         """Held-out log-likelihood over that of the structure at the beginning. [-]"""
         return one.held.likelihood(self.scale) - self.start.held.likelihood(self.scale)
 
     @property
-    def ties(self) -> tuple[Structure, ...]:
+    def ties(self) -> tuple[FittedStructure, ...]:
         """Structures that the readings cannot separate from the proposed one: held-out log-likelihoods within two units of it, or above.
 
         Of those with as many masses the likeliest stands for all.
         """
         own = self.likelihood(self.proposed)
-        best: dict[int, Structure] = {}
+        best: dict[int, FittedStructure] = {}
         for one in self.structures:
             if one is self.proposed or not one.possible or self.likelihood(one) < own - TIE:
                 continue
@@ -263,17 +263,17 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Search(request, changes or (lambda seen: list(changes_of(seen))), width, time.monotonic() + seconds).run(
+        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, time.monotonic() + seconds).run(
             rounds, begin or {}
         )
 
 
-class _Search:
+class _Searching:
     """State of one search: what was fitted, what was refused."""
 
     def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, until: float) -> None:
         self.request, self.changes, self.width, self.until = request, changes, width, until
-        self.done: list[Structure] = []
+        self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
         self.scored = 0
         self.begun = time.monotonic()
@@ -306,7 +306,7 @@ class _Search:
     def _late(self) -> bool:
         return time.monotonic() > self.until
 
-    def _round(self, best: Structure) -> Structure | None:
+    def _round(self, best: FittedStructure) -> FittedStructure | None:
         """Return the best structure one or two changes on; None where held-out readings support none."""
         scores = sorted(self._scores(best), key=lambda s: -s.gain)
         chosen = [s for s in scores[: self.width] if s.gain > 0.5]
@@ -328,12 +328,12 @@ class _Search:
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
         return min(near, key=lambda m: (m.nodes, -m.held.likelihood(scale)))
 
-    def _challenge(self, best: Structure) -> None:
+    def _challenge(self, best: FittedStructure) -> None:
         """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
         for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
             self._refitted(best, score)
 
-    def _scores(self, best: Structure) -> list[Score]:
+    def _scores(self, best: FittedStructure) -> list[Score]:
         """Return the score of every change."""
         seen = Fitted.of_problem(best.request, best.problem, best.end.fitted)
         reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
@@ -362,7 +362,7 @@ class _Search:
                 best_of[score.change.name] = score
         return list(best_of.values())
 
-    def _refitted(self, best: Structure, score: Score) -> Structure | None:
+    def _refitted(self, best: FittedStructure, score: Score) -> FittedStructure | None:
         if self._late():
             return None
         try:
@@ -373,7 +373,7 @@ class _Search:
         self.done.append(made)
         return made
 
-    def _pruned(self, best: Structure) -> Structure:
+    def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
         while len(best.changes) > 1 and not self._late():
             scale, fewer = self._scale(), []
@@ -401,7 +401,7 @@ class _Search:
         # no reading is trusted beyond what is stated of its noise
         return {t: max(held.inside[t] / max(held.counts[t], 1), 0.5) * held.memory[t] for t in held.inside}
 
-    def _simplest(self, best: Structure) -> Structure:
+    def _simplest(self, best: FittedStructure) -> FittedStructure:
         """Return the simplest of the structures whose held-out readings are as likely as those of the best."""
         scale = self._scale()
         own = best.held.likelihood(scale)
@@ -413,7 +413,7 @@ def _pair(a: Score, b: Score) -> Score:
     return Score(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
-def _from(problem: Problem, best: Structure, start: Mapping[str, float]) -> Array:
+def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:
     """Return where a refit begins: at the values of the fit before, new ones at their start."""
     at = starting_point(problem.unknowns)
     known = best.fitted
@@ -451,7 +451,7 @@ def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive:
 
 def fitted_structure(
     changes: tuple[MissingElement, ...], request: Request, known: Mapping[str, float], start: Mapping[str, float] | None = None
-) -> Structure:
+) -> FittedStructure:
     """Fit one structure and hold out its readings in parts.
 
     Parameters
@@ -478,7 +478,7 @@ def fitted_structure(
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
-    return Structure(changes, request, problem, end, held_out(problem, end, request), nodes)
+    return FittedStructure(changes, request, problem, end, held_out(problem, end, request), nodes)
 
 
 def _loosely_held(problem: Problem) -> Problem:
@@ -587,7 +587,7 @@ def _memory(residuals: Array) -> float:
     return float(max(1.0 + 2.0 * memory[1:end].sum(), 1.0))
 
 
-def adopted(one: Structure) -> Request:
+def adopted(one: FittedStructure) -> Request:
     """Return the request of a structure with its model at the fitted values, for a full fit."""
     shared = {n: v for n, v in one.values.items()}
     units = {u.name: u.unit for u in one.problem.unknowns}

@@ -11,10 +11,9 @@ import numpy as np
 
 from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import Fitted, MissingElement, changes_of
-from thermid.explain.structures import Structure, StructureSearch, fitted_structure, search_structure
+from thermid.explain.structures import FittedStructure, StructureSearch, fitted_structure, search_structure
 from thermid.fit.problem.experiment import first_reading
 from thermid.fit.problem.request import LocalSpec, Request
-from thermid.linear_algebra import Array
 from thermid.measure.record.record import Record
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.simulation.scenarios.scenario import Scenario
@@ -46,17 +45,15 @@ class Proposal:
     search : StructureSearch    Every structure that was tried.
     noise : dict                Column -> noise of one reading, as found. [K]
     assumed : str               What was assumed because the log cannot tell it; empty for nothing.
-    remarks : tuple of str      What else the log cannot tell.
     """
 
     roles: Roles
     search: StructureSearch
     noise: Mapping[str, float]
     assumed: str
-    remarks: tuple[str, ...]
 
     @property
-    def chosen(self) -> Structure:
+    def chosen(self) -> FittedStructure:
         """The proposed structure."""
         return self.search.proposed
 
@@ -69,7 +66,7 @@ class Proposal:
         if len(orders) > 1:
             lines.append(f"Cannot tell {' from '.join(str(n) for n in sorted(orders))} masses with this log.")
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        return "\n".join([*lines, str(self.search), *self.remarks])
+        return "\n".join([*lines, str(self.search)])
 
 
 def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3) -> dict[str, Any]:
@@ -145,7 +142,7 @@ def propose(roles: Roles, records: Sequence[Record], seconds: float = 60.0, nois
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts: the log holds ratios to it only. Give "
             f"--full-scale COLUMN='... [W]', or that heat capacity in the deck."
         )
-    return Proposal(roles, search, sizes, assumed, tuple(_remarks(roles, search)))
+    return Proposal(roles, search, sizes, assumed)
 
 
 def _within(measured: int) -> Any:
@@ -199,13 +196,13 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(roles: Roles, records: Sequence[Record]) -> tuple[Roles, Structure]:
+def _begun(roles: Roles, records: Sequence[Record]) -> tuple[Roles, FittedStructure]:
     """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
 
     A power whose part nobody told is tried in every part.
     """
     rise, span, watts = _scales(roles, records)
-    best: tuple[Roles, Structure] | None = None
+    best: tuple[Roles, FittedStructure] | None = None
     refusal: ThermidError | None = None
     for placed in _placements(roles):
         for pace, contact in itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1]):
@@ -237,19 +234,3 @@ def _scales(roles: Roles, records: Sequence[Record]) -> tuple[float, float, floa
     span = max(r.duration for r in records)
     powers = [np.nanmean(np.abs(r[p.column].values)) for r in records for p in roles.powers if p.column in r.channels]
     return rise, span, max(float(np.sum(powers)) / max(len(records), 1), 1e-3)
-
-
-def _remarks(roles: Roles, search: StructureSearch) -> list[str]:
-    """Return what the log cannot tell: values whose error is as large as themselves."""
-    one = search.proposed
-    rows = np.concatenate([one.end.jacobian, one.end.priors])
-    sizes = _errors(rows)
-    loose = [u.name for k, u in enumerate(one.problem.unknowns) if u.kind == "parameter" and u.log and sizes[k] > 1.0]
-    return [f"Not told by this log: {', '.join(loose)} (known to no better than a factor of e)."] if loose else []
-
-
-def _errors(rows: Array) -> Array:
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), hermitian=True)
-    return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -157,10 +158,12 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
     RecordError   When it has no time beside vectors of its length, or only objects that no published layout describes.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+    from scipy.io.matlab import MatReadError, MatReadWarning
 
     try:
-        held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
+            held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
     except (MatReadError, *_DAMAGE) as error:
         raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
     opaque = any("MatlabOpaque" in type(value).__name__ for value in held.values())
