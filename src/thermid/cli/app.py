@@ -31,6 +31,10 @@ COMMANDS = {
         "build.check", "Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."
     ),
     "simulate": Place("build.simulate", "Run a model in a scenario and print where its temperatures go."),
+    "steady": Place(
+        "build.steady_state",
+        "Print where a model settles: temperatures with margins, sorted; with --flows where its heat goes.",
+    ),
     "calibrate": Place(
         "fit.calibrate",
         "Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell.",
@@ -41,7 +45,14 @@ COMMANDS = {
         "studio.studio", "Open a deck or campaign as a page on this machine: sliders, levels, scenarios, a log that grows.", "studio"
     ),
     "diagram": Place("build.diagram", "Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."),
-    "import": Place("exchange.import_script", "Read the parameters of an InitFcn script and write them as a deck.", "symbolic"),
+    "import": Place(
+        "exchange.import_file", "Read a deck of SINDA or ESATAN as a model and a scenario, or the values of an InitFcn script.", "symbolic"
+    ),
+    "write-back": Place(
+        "exchange.write_back",
+        "Write fitted values into copies of a SINDA or ESATAN deck: equal but for the numbers that changed, each with a comment.",
+        "symbolic",
+    ),
     "export": Place(
         "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
     ),

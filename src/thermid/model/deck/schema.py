@@ -6,23 +6,40 @@ Loaded only when a file is read: pydantic takes a tenth of a second.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
-from pydantic import BaseModel, Field, create_model
+from pydantic import ConfigDict, Field, create_model
 
-from thermid.errors import DeckError, nearest
-from thermid.grammar import StrictTable, or_instance, reads
-from thermid.model.laws.curves import Curve, curve, limited
-from thermid.model.laws.options import Box, Source, StandsFor
+from thermid.errors import DeckError, ThermidError, nearest
+from thermid.grammar import StrictTable, reads
+from thermid.model.deck.assemblies import CoolerTable, LadderTable, PackageTable
+from thermid.model.deck.fields import (
+    Coefficient,
+    CurveTable,
+    ElementTable,
+    Points,
+    Property,
+    Real,
+    Tabulated,
+    UsedTable,
+    Value,
+    Where,
+    curve_of,
+)
+from thermid.model.laws.curves import Curve, limited
+from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
-from thermid.model.laws.stores import SLOPES, TABULATED, melting, tabulated
+from thermid.model.laws.stores import melting, tabulated
+from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, Transition, check_modes, followed, of_difference
 from thermid.model.parts.elements import (
     CONTROLS,
     LOAD_SLOTS,
     NODE_SLOTS,
     Conductor,
+    Cycle,
     Enclosure,
     HeatLoad,
     Joint,
@@ -33,132 +50,23 @@ from thermid.model.parts.elements import (
 )
 from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
-from thermid.model.parts.parameter import Parameter, parameter
-from thermid.model.tree.model import Model
+from thermid.model.parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
 from thermid.physics.view_factors import SHAPES
 
-Where = Callable[[str], str]
-"""Key below an element, or none for the element itself -> its place in the deck."""
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
-NO_CONVECTION = "0 [W/(m^2 K)]"
 MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
 """Fields of a node that melts, beside its mass and specific heat, with their units."""
 
-Real: TypeAlias = Annotated[float, Field(strict=True)]
-"""A number; true and false are none."""
+
+Controlled: TypeAlias = str | list[str]
+"""Names of controls by which something is multiplied; ``1 - name`` takes the rest of one."""
 
 
-class ValueTable(StrictTable):
-    """A value with its bounds and where it comes from."""
-
-    value: str | Real
-    min: str | Real | None = None
-    max: str | Real | None = None
-    source: Source | None = None
-    note: str = ""
-    basis: str = ""
-
-    def table(self) -> dict[str, Any]:
-        """Return what of it was written."""
-        return {key: value for key, value in self if value not in (None, "")}
-
-
-def _quantity(written: Any) -> Any:
-    """Return the parameter that a text, a number or a table is; a law or a table of points as it is."""
-    if isinstance(written, PowerLawTable | Correlated | Property):
-        return written
-    return parameter(written.table() if isinstance(written, ValueTable) else written)
-
-
-def _coefficient(written: Any) -> Any:
-    """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
-    if isinstance(written, ValueTable) and written.value in (0, "0"):
-        return parameter(written.table() | {"value": NO_CONVECTION})
-    return _quantity(NO_CONVECTION if written in (0, "0") else written)
-
-
-Value: TypeAlias = Annotated[Parameter, reads(str | Real | ValueTable, _quantity)]
-
-
-class PowerLawTable(StrictTable):
-    """h = coefficient |dT / 1 K|^exponent."""
-
-    coefficient: Value
-    exponent: Value
-
-
-class Correlated(StrictTable):
-    """h by a correlation, from the properties of the gas at film temperature, its pressure, gravity and wind."""
-
-    correlation: str = ""
-    length: Value
-    orientation: Literal["vertical", "up", "down"] = "vertical"
-
-
-class Property(StrictTable):
-    """A property over temperature: straight lines; a third text of a point is its slope and makes it smooth."""
-
-    points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
-    interpolation: Literal["linear", "smooth"] = "linear"
-    outside: Literal["hold", "linear", "refuse"] = "hold"
-    source: Source | None = None
-    basis: str = ""
-
-    def curve(self, slot: str, where: str, over: str = "temperature", steps: bool = False) -> Curve:
-        """Return the curve through the points, each a text for every slot or for the first two."""
-        slots = ("temperature" if over == "temperature" else "K", slot, SLOPES[slot])
-        points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in self.points]
-        return curve(over, points, where, self.source or "", self.basis, self.interpolation, self.outside, steps)
-
-    def of(self, name: str, where: str) -> Curve:
-        """Return the curve of one property: conductivity, specific_heat or enthalpy."""
-        return tabulated(name, self.curve(TABULATED[name], where, steps=name == "enthalpy"), where)
-
-
-class Points(Property):
-    """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
-
-    over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
-
-
-CurveTable: TypeAlias = Annotated[Points, or_instance(Curve)]
-Coefficient: TypeAlias = Annotated[
-    Parameter | PowerLawTable | Correlated, reads(str | Real | ValueTable | PowerLawTable | Correlated, _coefficient)
-]
-Tabulated: TypeAlias = Annotated[Parameter | Property, reads(str | Real | ValueTable | Property, _quantity)]
-
-
-def _curve(table: Points | Curve | None, slot: str, where: str) -> Curve | None:
-    return table.curve(slot, where, table.over) if isinstance(table, Points) else table
-
-
-class ElementTable(StrictTable):
-    """Base of the tables of elements."""
-
-    test_only: bool = False
-
-    def parameters(self, names: Iterable[str]) -> dict[str, Parameter]:
-        """Return field -> parameter of the fields among `names`; those of a group as ``group.field``."""
-        out: dict[str, Parameter] = {}
-        for name in names:
-            value = getattr(self, name, None)
-            if isinstance(value, Parameter):
-                out[name] = value
-            elif isinstance(value, BaseModel):
-                out |= {f"{name}.{inner}": each for inner, each in value if isinstance(each, Parameter)}
-        return out
-
-    def words(self, names: Iterable[str]) -> dict[str, str]:
-        """Return the fields among `names` that are words; those of a group as ``group.field``."""
-        out: dict[str, str] = {}
-        for name in sorted(names):
-            group, _, inner = name.partition(".")
-            value = getattr(self, group, None)
-            word = getattr(value, inner, "") if inner else value
-            out |= {name: word} if word and isinstance(word, str) else {}
-        return out
+def control_names(written: str | list[str] | None) -> tuple[str, ...]:
+    """Return the names of controls as an element holds them."""
+    return () if written is None else (written,) if isinstance(written, str) else tuple(written)
 
 
 class NodeTable(ElementTable):
@@ -240,6 +148,8 @@ class SurfaceTable(ElementTable):
     facing: Annotated[Facing, reads(FacingTable, _facing)] | None = None
     sees: str = ""
     radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
+    htc_control: Controlled | None = None
+    emissivity_control: Controlled | None = None
 
     def element(self, where: Where) -> Surface:
         """Return the surface."""
@@ -256,7 +166,13 @@ class SurfaceTable(ElementTable):
         if self.sees and self.radiates_to:
             raise DeckError("sees and radiates_to are one thing under two names. Give sees.", where(""))
         words = self.words(KINDS["convection"].words)
-        return Surface(self.of, self.to, fields, self.sees or self.radiates_to, self.test_only, self.finish, words, self.facing)
+        controls = {what: control_names(given) for what in ("htc", "emissivity") if (given := getattr(self, f"{what}_control"))}
+        if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
+            raise DeckError("emissivity_control needs an emissivity or a finish, beside htc.", where("emissivity_control"))
+        if "htc" in controls and self.htc is None and self.effective_htc is None:
+            raise DeckError("htc_control needs htc or effective_htc.", where("htc_control"))
+        sees = self.sees or self.radiates_to
+        return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
 
 
 class Gap(StrictTable):
@@ -350,6 +266,33 @@ class Periodic(StrictTable):
     duty: Value
 
 
+class CycleTable(StrictTable):
+    """A factor on the power that repeats: straight lines between rows, or steps."""
+
+    times: Annotated[list[str], Field(min_length=2)]
+    values: Annotated[list[str | Real], Field(min_length=2)]
+    hold: bool = False
+    period: str | None = None
+
+    def cycle(self, where: str) -> Cycle:
+        """Return the factor; its last row ends the period where none is given."""
+        times = [literal(t, "s", where) for t in self.times]
+        values = [literal(v, "1", where) for v in self.values]
+        if self.period is not None:
+            end = literal(self.period, "s", where)
+            if not end > times[-1]:
+                raise DeckError("the period is over before the last row; leave it out where the last row ends it.", where)
+            times, values = [*times, end], [*values, values[0]]
+        if times[0] != 0.0:
+            raise DeckError("a cycle begins at 0 s.", where)
+        made = Cycle(tuple(times), tuple(values), self.hold)
+        try:
+            made.signal()
+        except ThermidError as error:
+            raise error.located(where) from None
+        return made
+
+
 class SinePower(StrictTable):
     """A sine on top of the power."""
 
@@ -390,14 +333,16 @@ class LoadTable(ElementTable):
     exponential_coefficient: Value | None = None
     reference_temperature: Value | None = None
     periodic: Periodic | None = None
+    cycle: CycleTable | None = None
     sine: SinePower | None = None
     thermostat: Thermostat | None = None
     proportional: Proportional | None = None
+    control: Controlled | None = None
 
     def element(self, where: Where) -> HeatLoad:
         """Return the heat load."""
         fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
-        shape = _curve(self.table, "W", where(""))
+        shape = curve_of(self.table, "W", where(""))
         controls = [c for c in CONTROLS if getattr(self, c) is not None]
         curved = [f for f in fields if f.endswith("_coefficient")]
         if (self.power is None) == (shape is None):
@@ -408,6 +353,8 @@ class LoadTable(ElementTable):
             raise DeckError(f"{curved[0]} and a table are two laws of one temperature; put both into the table.", where(""))
         if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
             raise DeckError("proportional needs gain [W/K] or band [K]; one of them.", where("proportional"))
+        if "proportional.gain" in fields and self.control is not None:
+            raise DeckError("a gain in W/K refers to a power, which a control changes. Give band in K.", where("proportional"))
         if "proportional.gain" in fields and shape is not None:
             raise DeckError("a gain in W/K refers to a power, which a table has not. Give band in K.", where("proportional"))
         if curved and self.reference_temperature is None:
@@ -417,14 +364,125 @@ class LoadTable(ElementTable):
         if self.scale is not None and shape is None:
             raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(""))
         sensor = getattr(self, controls[0]).sensor if controls else ""
-        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only)
+        cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
+        by = control_names(self.control)
+        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only, by, cycle)
 
 
-class AirAndSees(StrictTable):
-    """A need bound to two nodes: what its surfaces convect to, and what they see."""
+class ThermostatControl(StrictTable):
+    """A heater's thermostat, on below and off above; a cooler's, on above and off below."""
 
-    to: str
-    sees: str
+    on_below: Value | None = None
+    off_above: Value | None = None
+    on_above: Value | None = None
+    off_below: Value | None = None
+
+
+class ProportionalControl(StrictTable):
+    """A share that rises from zero at the set point to one a band below it; a negative band cools: one a band above it."""
+
+    setpoint: Value
+    band: Value
+    lowest: Value | None = None
+    highest: Value | None = None
+
+
+class PidControl(StrictTable):
+    """A PID controller in series form, between two limits; its integral part stops at them."""
+
+    setpoint: Value
+    band: Value
+    integral_time: Value
+    derivative_time: Value | None = None
+    filter_time: Value | None = None
+    lowest: Value | None = None
+    highest: Value | None = None
+    begins: Value | None = None
+
+
+class TransitionTable(StrictTable):
+    """A way from one mode to another: above or below a temperature, or after a time in the mode."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    before: Annotated[str, Field(alias="from")]
+    after_mode: Annotated[str, Field(alias="to")]
+    above: Value | None = None
+    below: Value | None = None
+    after: Value | None = None
+    follows: str | list[str] | dict[str, Real] | None = None
+
+
+class ControlTable(ElementTable):
+    """A share that follows temperatures, by which loads, conductors, surfaces and boundaries are multiplied."""
+
+    follows: str | list[str] | dict[str, Real] | None = None
+    thermostat: ThermostatControl | None = None
+    proportional: ProportionalControl | None = None
+    pid: PidControl | None = None
+    table: CurveTable | None = None
+    modes: dict[str, Value] | None = None
+    starts: str = ""
+    transitions: Annotated[dict[str, TransitionTable], Field(default_factory=dict)]
+    sample: str | None = None
+
+    def element(self, where: Where) -> Control:
+        """Return the control."""
+        kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
+        if len(kinds) != 1:
+            said = f"; given: {' and '.join(kinds)}" if kinds else ""
+            raise DeckError(f"a control is one of {', '.join(KINDS_OF_CONTROL)}{said}.", where(""))
+        kind = kinds[0]
+        if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
+            raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
+        follows = followed(self.follows, where("follows")) if self.follows is not None else {}
+        sample = literal(self.sample, "s", where("sample")) if self.sample is not None else 0.0
+        if self.sample is not None and not sample > 0.0:
+            raise DeckError("a sample time lies above zero.", where("sample"))
+        if sample and kind not in ("proportional", "pid", "table"):
+            raise DeckError(f"a sample time belongs to proportional, pid or table; {kind} acts at the instant it is due.", where("sample"))
+        fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in CONTROL_SLOTS))
+        fields |= {f"modes.{name}": value for name, value in (self.modes or {}).items()}
+        self._check(kind, follows, fields, where)
+        shape = curve_of(self.table, "1", where("table"))
+        ways = {name: self._transition(t, where(f"transitions.{name}")) for name, t in self.transitions.items()}
+        fields |= {f"transitions.{name}.{t.sense}": getattr(self.transitions[name], t.sense) for name, t in ways.items()}
+        out = Control(kind, follows, fields, shape, self.starts, ways, sample, self.test_only)
+        if kind == "modes":
+            check_modes(out, where(""))
+        return out
+
+    def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
+        """Refuse what does not go together in one control."""
+        if kind != "modes" and (self.transitions or self.starts):
+            raise DeckError("starts and transitions belong to modes.", where(""))
+        if kind == "modes" and not (self.starts and self.transitions):
+            raise DeckError("modes need starts (the mode at the start) and transitions.", where(""))
+        if kind == "thermostat":
+            ends = {name.partition(".")[2] for name in fields}
+            if ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}):
+                raise DeckError(
+                    "a thermostat has on_below and off_above (it heats), or on_above and off_below (it cools).", where("thermostat")
+                )
+        if kind == "pid":
+            derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
+            if len(derived) == 1:
+                raise DeckError("a derivative needs derivative_time and filter_time, both.", where("pid"))
+            if len(follows) > (1 if derived else 2):
+                raise DeckError(
+                    f"a PID control follows one node with a derivative part, two without; {len(follows)} are given.", where("pid")
+                )
+        if kind == "table" and isinstance(self.table, Points):
+            if self.table.over == "difference" and not of_difference(follows):
+                raise DeckError("a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.", where("table"))
+            if self.table.outside == "refuse":
+                raise DeckError("a control's table is held or goes on outside its points; it cannot refuse a temperature.", where("table"))
+
+    def _transition(self, t: TransitionTable, where: str) -> Transition:
+        senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
+        if len(senses) != 1:
+            raise DeckError("a transition has one of above, below (a temperature) and after (a time in its mode).", where)
+        return Transition(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
 class MadeInTable(StrictTable):
@@ -440,13 +498,6 @@ class MadeInTable(StrictTable):
         slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
         numbers = {name: literal(getattr(self, name), slot, where(name)) for name, slot in slots.items()}
         return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
-
-
-class SubmodelTable(StrictTable):
-    """A deck used inside this one."""
-
-    use: Annotated[str, or_instance(Model)]
-    bind: dict[str, str | AirAndSees] = {}
 
 
 def _check_stream(given: set[str], fluid: str, where: str) -> None:
@@ -480,6 +531,7 @@ class _ConductorTable(ElementTable):
     gas: str = ""
     fluid: str = ""
     to: str = ""
+    control: Controlled | None = None
 
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
@@ -492,7 +544,7 @@ class _ConductorTable(ElementTable):
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
-        points = _curve(self.table, "W/K", where(""))
+        points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
             raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
         if points is not None and (points.y < 0).any():
@@ -506,7 +558,7 @@ class _ConductorTable(ElementTable):
         if self.takes and "area" not in fields:
             raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
         law = shape if points is None else limited(points)
-        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, control_names(self.control))
 
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
@@ -539,6 +591,30 @@ def _with_fields_of_kinds() -> type[_ConductorTable]:
 ConductorTable = _with_fields_of_kinds()
 
 
+class SubmodelTable(UsedTable):
+    """A deck used inside this one: once, or as an array with conductors between neighbours."""
+
+    links: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
+
+    def joined(self, where: Where) -> dict[str, Conductor]:
+        """Return the conductors to the next neighbour, their ends by their names inside an instance; both may have one name."""
+        out = {}
+        for name, table in self.links.items():
+            between = tuple(f"{side}.{end}" for side, end in zip(("here", "next"), table.between, strict=True))  # type: ignore[attr-defined]
+            made = table.model_copy(update={"between": between}).element(lambda key, name=name: where(f"links.{name}.{key}".rstrip(".")))  # type: ignore[attr-defined]
+            out[name] = replace(made, between=(between[0].partition(".")[2], between[1].partition(".")[2]))
+        return out
+
+
+class RowsTable(StrictTable):
+    """A table that makes elements: one row, one element."""
+
+    makes: str
+    file: str = ""
+    rows: list[dict[str, Any]] = []
+    each: dict[str, Any] = {}
+
+
 class Deck(StrictTable):
     """What the hardware is."""
 
@@ -554,11 +630,33 @@ class Deck(StrictTable):
     joints: dict[str, JointTable] = {}
     enclosures: dict[str, EnclosureTable] = {}
     loads: dict[str, LoadTable] = {}
+    controls: dict[str, ControlTable] = {}
     submodels: dict[str, SubmodelTable] = {}
+    packages: dict[str, PackageTable] = {}
+    ladders: dict[str, LadderTable] = {}
+    coolers: dict[str, CoolerTable] = {}
+    tables: dict[str, RowsTable] = {}
     set: dict[str, Value] = {}
     cuts: list[str] = []
     aliases: dict[str, str] = {}
     made_in: dict[str, MadeInTable] = {}
+
+
+GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls", "submodels", "packages", "ladders", "coolers")
+"""Groups of a deck whose elements a table of rows may make."""
+
+
+def fields_of_groups() -> dict[str, dict[str, Any]]:
+    """Return group of a deck -> the fields of its elements."""
+    return {group: get_args(Deck.model_fields[group].annotation)[1].model_fields for group in GROUPS}
+
+
+def tables_of(written: Mapping[str, Any], where: Where) -> dict[str, RowsTable]:
+    """Return the tables that make elements, checked against their grammar."""
+    return {
+        name: RowsTable.from_file(raw, lambda inner, name=name: where(f"tables.{name}.{inner}".rstrip(".")))  # type: ignore[misc]
+        for name, raw in written.items()
+    }
 
 
 def json_schema() -> dict[str, Any]:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Signal, TableSignal
 from thermid.model.parts.facing import Facing
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
@@ -69,6 +72,7 @@ class Conductor:
     takes : tuple of str    Surfaces that its area is taken from, in the ledger.
     test_only : bool        Whether it exists on the bench only.
     words : dict            What the kind needs that is no number: a gas, a correlation.
+    controls : tuple        Controls whose shares its heat flow is multiplied by; ``1 - name`` takes the rest of one.
     """
 
     kind: str
@@ -78,6 +82,7 @@ class Conductor:
     takes: tuple[str, ...] = ()
     test_only: bool = False
     words: Mapping[str, str] = field(default_factory=dict)
+    controls: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,7 @@ class Surface:
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
     words : dict        Correlation and orientation, where the coefficient comes from one.
     facing : Facing     Where it looks, for sun and sky; None where nobody said.
+    controls : dict     htc or emissivity -> controls whose shares it is multiplied by; what an emissivity absorbs goes with it.
     """
 
     of: str
@@ -103,6 +109,7 @@ class Surface:
     finish: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
     facing: Facing | None = None
+    controls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def is_effective(self) -> bool:
@@ -165,6 +172,26 @@ class Enclosure:
 
 
 @dataclass(frozen=True)
+class Cycle:
+    """A factor on a load that repeats, over time from 0.
+
+    Parameters
+    ----------
+    times : tuple of float      From 0; the last one is the period. [s]
+    values : tuple of float     At these times; the last is the first again, unless they are steps. [-]
+    hold : bool                 Steps in place of straight lines.
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    hold: bool = False
+
+    def signal(self) -> Signal:
+        """Return it as a signal."""
+        return TableSignal(np.array(self.times), np.array(self.values), hold=self.hold, after="repeat")
+
+
+@dataclass(frozen=True)
 class HeatLoad:
     """Heat put into a node.
 
@@ -175,6 +202,8 @@ class HeatLoad:
     sensor : str            The node whose temperature a thermostat or proportional control follows; `into` when empty. What the load would
                             give without control follows `into`.
     curve : Curve or None   Power over the node's temperature. [W]
+    controls : tuple        Controls whose shares its power is multiplied by, beside its own; ``1 - name`` takes the rest of one.
+    cycle : Cycle or None   What its power is multiplied with, over and over; None for a steady load. [-]
     """
 
     into: str
@@ -182,6 +211,8 @@ class HeatLoad:
     sensor: str = ""
     curve: Curve | None = None
     test_only: bool = False
+    controls: tuple[str, ...] = ()
+    cycle: Cycle | None = None
 
 
 @dataclass(frozen=True)

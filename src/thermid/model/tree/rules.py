@@ -21,6 +21,14 @@ from thermid.model.tree.tree import Tree
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
+SINGLY: Final = 2
+"""Up to so many values of one kind are remarked upon one by one."""
+FAR: Final = 20.0
+"""Factor by which a value is far from the median of its peers. [-]"""
+PEERS: Final = 5
+"""So many values of one field show what is usual."""
+READINGS: Final = ("psi_JT", "psi_JB")
+"""Values that only tables of results use: what a reading of a package's top or board adds to its temperature per watt."""
 ROOM: Final = 293.15
 """Temperature at which a table of power is read for a rate. [K]"""
 
@@ -98,7 +106,8 @@ class _View:
         f = {name: self.values[path] for name, path in load.fields.items()}
         if load.curve is not None:
             return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([ROOM]))[0])
-        return float(f["power"] * f.get("periodic.duty", 1.0))
+        cycle = load.cycle.mean_over(0.0, load.cycle.cycle or 1.0) if load.cycle is not None else 1.0
+        return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
 
     def _conducting(self) -> list[FlatConductor]:
         return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
@@ -175,7 +184,7 @@ def _paths(view: _View) -> Iterator[Finding]:
         if rate == 0.0:
             yield Finding("warning", group[0].where, f"{head}: the heat that is there stays there.")
             continue
-        constant = all(x.curve is None and set(x.fields) == {"power"} for x in loads)
+        constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
         yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Join it to a boundary.")
 
@@ -191,11 +200,22 @@ def _loads(view: _View) -> Iterator[Finding]:
 
 
 def _shadowed(view: _View) -> Iterator[Finding]:
-    """A value that another one hides."""
-    for path, entry in view.flat.parameters.table.items():
-        if entry.shadowed:
+    """A value that another one hides; a value of an element that stands where it is used hides nothing."""
+    made = tuple(f"{prefix}{name}." for owner, prefix in view.model.walk() for name, part in owner.submodels.items() if part.made)
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    table = view.flat.parameters.table
+    for path, entry in table.items():
+        if entry.shadowed and not (path.startswith(made) and len(entry.shadowed) == 1):
             hidden = ", ".join(f"{text} of {origin}" for origin, text in reversed(entry.shadowed))
-            yield Finding("note", entry.where, f"'{path}' is {entry.parameter.text}, set by {entry.origin}; it hides {hidden}.")
+            groups.setdefault((entry.origin, hidden, path.rpartition(".")[2]), []).append(path)
+    for (origin, hidden, _), paths in groups.items():
+        first = table[paths[0]]
+        if len(paths) <= SINGLY:
+            yield from (
+                Finding("note", table[p].where, f"'{p}' is {table[p].parameter.text}, set by {origin}; it hides {hidden}.") for p in paths
+            )
+            continue
+        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they hide {hidden}.")
 
 
 def _ties(view: _View) -> Iterator[Finding]:
@@ -204,13 +224,19 @@ def _ties(view: _View) -> Iterator[Finding]:
     known = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
     shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     where = view.model.where("")
+    apart: dict[str, list[str]] = {}
     for paths, one in known.items():
         if one.why == APART:
-            yield Finding("note", where, f"{quoted(list(paths))}: set for this instance; its twins have another value.")
+            apart.setdefault(_ending(tuple(p.partition(".")[2] for p in paths)), []).extend(paths)
         elif len(paths) > 1:
             field = _ending(paths)
             places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
             shared.setdefault((one.why, places), []).append(field.lstrip("."))
+    for paths_ in apart.values():
+        if len(paths_) <= SINGLY:
+            yield from (Finding("note", where, f"'{p}': set for this instance; its twins have another value.") for p in paths_)
+        else:
+            yield Finding("note", where, f"{quoted(paths_)}: set for each of these instances; their twins have other values.")
     for (why, places), fields in shared.items():
         values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
         yield Finding(
@@ -243,7 +269,7 @@ def _unused(view: _View) -> Iterator[Finding]:
         used |= new
         todo += new
     for path, where in declared.items():
-        if path not in used:
+        if path not in used and path.rpartition(".")[2] not in READINGS:
             yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.")
 
 
@@ -261,6 +287,40 @@ def _fractions(view: _View) -> Iterator[Finding]:
             if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
                 message = f"an exponent of {view.values[path]:g} is not one of natural convection, which has 1/4 or 1/3."
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
+
+
+def _outliers(view: _View) -> Iterator[Finding]:
+    """A value far from those of its peers: the same field of parts, or of conductors of one kind."""
+    table = view.flat.parameters.table
+    kinds = {c.path: c.kind for c in view.flat.conductors}
+    peers: dict[tuple[str, str], list[str]] = {}
+    for path, entry in table.items():
+        owner, _, field = path.rpartition(".")
+        if entry.parameter.is_literal and 0.0 < view.values[path] < float("inf"):
+            of = path.partition(".")[2] if path.partition(".")[0] in view.model.submodels else kinds.get(owner, "")
+            peers.setdefault((of, field), []).append(path)
+    for (of, _), paths in peers.items():
+        if not of or len(paths) < PEERS:
+            continue
+        logs = np.log([view.values[p] for p in paths])
+        off = np.abs(logs - np.median(logs))
+        k = int(np.argmax(off))
+        others = sorted((value, path) for n, (value, path) in enumerate(zip(logs.tolist(), paths, strict=True)) if n != k)
+        spread = max(abs(value - float(np.median(logs))) for value, _ in others)
+        if off[k] > np.log(FAR) and off[k] > 2.0 * spread:
+            entry, (low, high) = table[paths[k]], (table[others[n][1]].parameter.text for n in (0, -1))
+            said = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
+            yield Finding("warning", entry.where, f"{said}: a slip of unit or digits?")
+
+
+def _ranges(view: _View) -> Iterator[Finding]:
+    """A formula outside the range in which its source vouches for it."""
+    for c in view.flat.conductors:
+        if c.kind == "spreading":
+            source, plate, thickness = (view.values[c.fields[f]] for f in ("source_area", "plate_area", "thickness"))
+            if source > 0.25 * plate or thickness < 0.1 * (plate / np.pi) ** 0.5:
+                what = "the source is above a quarter of its plate, or the plate thinner than a tenth of its radius"
+                yield Finding("warning", c.where, f"'{c.path}': {what}: the formula is up to 30 % off. Split the plate into nodes.")
 
 
 def _absorptances(view: _View) -> Iterator[Finding]:
@@ -346,9 +406,11 @@ RULES: Final[tuple[Rule, ...]] = (
     _attached,
     _paths,
     _loads,
+    _outliers,
     _unused,
     _fractions,
     _absorptances,
+    _ranges,
     _shadowed,
     _ties,
     _test_only,
