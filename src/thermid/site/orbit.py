@@ -234,20 +234,7 @@ def orbit_fluxes(
     >>> round(low.period / 60, 1), round(low.eclipse / 60, 1), round(float(low.infrared["nadir"][0]), 1)
     (92.4, 36.0, 209.8)
     """
-    body = planet if isinstance(planet, Planet) else PLANETS.get(planet.lower())
-    if body is None:
-        raise ScenarioError(f"no planet is called '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit")
-    if attitude not in ATTITUDES:
-        raise ScenarioError(f"no attitude is called '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit")
-    low = _number(perigee, "m", "perigee")
-    high = low if apogee is None else _number(apogee, "m", "apogee")
-    if not 0.0 < low <= high < float("inf"):
-        raise ScenarioError(f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit")
-    if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"an albedo of {albedo:g} does not exist; give 0 to 1.", "orbit")
-    tilt = degrees(beta, "orbit, beta")
-    if not -90.0 <= tilt <= 90.0:
-        raise ScenarioError(f"the sun stands at most 90 degrees beside a plane, not {tilt:g}.", "orbit, beta")
+    body, low, high, tilt = _checked(planet, attitude, perigee, apogee, albedo, beta)
     sun = np.array([np.cos(np.radians(tilt)), 0.0, np.sin(np.radians(tilt))])
     turned, first = (np.radians(degrees(v, f"orbit, {n}")) for v, n in ((argument, "argument"), (begin, "begin")))
     path = _Path(body.radius + low, body.radius + high, body.attraction, float(turned), float(first))
@@ -269,6 +256,27 @@ def orbit_fluxes(
         {face: glow * view for face, view in views.items()},
         _light(shadow, path.period),
     )
+
+
+def _checked(
+    planet: str | Planet, attitude: str, perigee: str | float, apogee: str | float | None, albedo: float, beta: float | str
+) -> tuple[Planet, float, float, float]:
+    """Return the planet, altitudes of perigee and apogee [m], and the angle between plane and sun [deg]."""
+    body = planet if isinstance(planet, Planet) else PLANETS.get(planet.lower())
+    if body is None:
+        raise ScenarioError(f"no planet is called '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit")
+    if attitude not in ATTITUDES:
+        raise ScenarioError(f"no attitude is called '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit")
+    low = _number(perigee, "m", "perigee")
+    high = low if apogee is None else _number(apogee, "m", "apogee")
+    if not 0.0 < low <= high < float("inf"):
+        raise ScenarioError(f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit")
+    if not 0.0 <= albedo <= 1.0:
+        raise ScenarioError(f"an albedo of {albedo:g} does not exist; give 0 to 1.", "orbit")
+    tilt = degrees(beta, "orbit, beta")
+    if not -90.0 <= tilt <= 90.0:
+        raise ScenarioError(f"the sun stands at most 90 degrees beside a plane, not {tilt:g}.", "orbit, beta")
+    return body, low, high, tilt
 
 
 def _number(value: str | float, slot: str, name: str) -> float:

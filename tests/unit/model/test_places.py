@@ -140,5 +140,5 @@ def test_places_that_cannot_be(places: dict[str, Any], message: str) -> None:
 
 
 def test_one_way_of_saying_is_enough() -> None:
-    with pytest.raises(DeckError, match="one of shape, places"):
+    with pytest.raises(DeckError, match="has places, shape, view_factors"):
         plates({"places": PLACES, "view_factors": [[0, 1], [1, 0]], "faces": {"low": "inner", "high": "under"}})

@@ -262,7 +262,8 @@ class EnclosureTable(ElementTable):
         ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
         if len(ways) != 1:
             raise DeckError(
-                f"an enclosure has one of shape, places, view_factors or exchange_factors; given: {' and '.join(ways) or 'none of them'}.",
+                "an enclosure has places, shape, view_factors or exchange_factors, one of them; given: "
+                f"{' and '.join(ways) or 'none of them'}.",
                 where(""),
             )
         size = len(self.faces)
