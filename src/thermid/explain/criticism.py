@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -138,6 +139,12 @@ class TraceCriticism:
         """Whether they are independent noise of the size that was stated."""
         return self.white and not self.loud
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI."""
+        keys = ("record", "sensor", "rmse", "noise", "lag_one", "ljung_box", "periodogram", "band", "effective", "white", "loud")
+        slopes = {n: {"slope": slope, "error": error} for n, (slope, error) in self.slopes.items()}
+        return {**{k: getattr(self, k) for k in keys}, "slopes": slopes}
+
     def __str__(self) -> str:
         """What they say, in words."""
         head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
@@ -181,6 +188,11 @@ class Candidate:
     rmse: tuple[float, float]
     fit: Calibration | None
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI; `tried` is whether the refit was possible."""
+        keys = ("name", "found", "possible", "gain", "evidence")
+        return {**{k: getattr(self, k) for k in keys}, "rmse": list(self.rmse), "tried": self.fit is not None}
+
     def __str__(self) -> str:
         """The candidate in words."""
         if self.fit is None:
@@ -212,6 +224,16 @@ class Criticism:
     def suggested(self) -> Candidate | None:
         """The best supported element whose value is possible, with very strong evidence; None where there is none."""
         return next((c for c in self.candidates if c.fit is not None and c.possible and c.evidence > STRONG), None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return traces and candidates, in SI; `suggested` is the name of the best supported one, or nothing."""
+        best = self.suggested
+        return {
+            "stage": self.title,
+            "suggested": None if best is None else best.name,
+            "traces": [t.to_dict() for t in self.traces],
+            "candidates": [c.to_dict() for c in self.candidates],
+        }
 
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
