@@ -93,7 +93,7 @@ ARROWS |= {
     "prediction": LOW | FIT,
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
-    "campaign": LOW | FIT | {"judge", "inference"},
+    "campaign": LOW | FIT | {"judge", "inference", "explain"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),

@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.advice import mistakes_of, next_command, refused
 from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
 from thermid.campaign.hand import hand_values
 from thermid.campaign.joint import JointFit, fit_jointly, joint_key
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.explain.mistakes import Mistakes
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of
@@ -293,10 +296,25 @@ class Campaign:
             self.joint.save(out[-1])
         return out
 
+    @cached_property
+    def mistakes(self) -> Mapping[str, Mistakes]:
+        """Stage -> mistakes in logs, decks or on the bench that would explain what it misses; looked for when first asked for."""
+        return {name: mistakes_of(fit) for name, fit in self.stages.items()}
+
+    @property
+    def file(self) -> str:
+        """Name of the campaign's file for commands to try."""
+        return self.source.path.name if self.source is not None else "CAMPAIGN"
+
     def __str__(self) -> str:
-        """Return all stages and verdicts as text, below a line that says which of them must not be used."""
-        parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
-        return "\n\n".join([self.standing.over(self.title, "stage"), *parts])
+        """Return all stages and verdicts as text, below lines that say which must not be used and which mistake would explain it."""
+        head = self.standing.over(self.title, "stage")
+        head += "".join(f"\n{name}: {line}" for name, asked in self.mistakes.items() for line in asked.lines())
+        parts = []
+        for name, found in self.stages.items():
+            command = next_command(self.file, found, self.mistakes[name])
+            parts.append(f"{found}\n  next: {command}" if command else str(found))
+        return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
 
 
 @takes_objects
@@ -339,7 +357,10 @@ def run_stages(
             request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
             requests[stage.name], keys[stage.name] = request, request.key
             kept = recall(folder, stage.name, request.key)
-            found = fit(request, progress_of(notice, stage.name), kept)
+            try:
+                found = fit(request, progress_of(notice, stage.name), kept)
+            except ThermidError as error:
+                raise refused(error, request, stage.name, source.path.name) from None
             if kept is None:
                 changed[stage.name] = changed_since(folder, stage.name, ingredients)
                 if found.converged:
