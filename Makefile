@@ -2,7 +2,7 @@
 
 ENV := .venv
 BIN := $(ENV)/bin
-KERNEL := CMakeLists.txt pyproject.toml $(wildcard src/kernel/*)
+KERNEL := CMakeLists.txt pyproject.toml $(wildcard src/kernel/*/*)
 COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE)
 

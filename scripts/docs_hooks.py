@@ -62,11 +62,14 @@ ROOMS = {
 PICTURES = {
     "pictures/stack.svg": ("", "diagram", "examples/02_stack/m_PrE.toml"),
     "pictures/box.svg": ("docs/tutorial.md", "diagram", "box.toml"),
+    "pictures/board.svg": ("docs/elements.md", "diagram", "board.toml"),
+    "pictures/cooler.svg": ("docs/elements.md", "diagram", "cooler.toml"),
+    "pictures/mount.svg": ("docs/elements.md", "diagram", "mount.toml"),
 }
 """Picture -> the page whose files are at hand, if any, and the arguments of `thermid` that make it, before `--to`."""
 
 FENCE = re.compile(r"^```(\w+)((?: +\S+)*) *$", re.MULTILINE)
-DECK = re.compile(r"^```toml deck (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+DECK = re.compile(r"^```(?:toml deck|csv file) (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FORMULA = re.compile(r"^```formula *(\S*).*?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")

@@ -95,7 +95,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("proc.cas", ["proc.case", "ele.case"])
     " Did you mean 'proc.case'?"
     """
-    hits = get_close_matches(name, list(known), n=1, cutoff=0.5)
+    names = list(known)
+    hits = [n for n in names if n.casefold() == name.casefold()] or get_close_matches(name, names, n=1, cutoff=0.5)
     return f" Did you mean '{hits[0]}'?" if hits else ""
 
 

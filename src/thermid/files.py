@@ -81,6 +81,7 @@ def _from_netcdf(path: Path) -> bool:
 
 DECK: Final = FileKind("deck")
 VALUES: Final = FileKind("values file")
+SCENARIO: Final = FileKind("scenario")
 PROFILE: Final = FileKind("profile")
 STUDY: Final = FileKind("study")
 CREDIBILITY: Final = FileKind("credibility record")

@@ -121,7 +121,7 @@ def _text(fault: Any, path: list[str], branch: str, grammar: type[BaseModel]) ->
 def _fields(path: list[str], branch: str, grammar: type[BaseModel]) -> list[str]:
     """Return the names that a table at a key path may hold."""
     schema = grammar.model_json_schema()
-    definitions = schema["$defs"]
+    definitions = schema.get("$defs", {})
     if branch:
         return list(definitions[branch]["properties"])
     here: Any = schema

@@ -52,17 +52,17 @@ class Places:
     Parameters
     ----------
     file : str      Name of the file, or what stands for it.
-    lines : dict    Key path -> line (from 1).
+    lines : dict    Key path -> line (from 1), or the place itself where another file holds the key.
     """
 
     file: str
-    lines: Mapping[str, int] = field(default_factory=dict)
+    lines: Mapping[str, int | str] = field(default_factory=dict)
 
     def __call__(self, key: str = "") -> str:
         """Return the place of a key: with the line of the nearest key above where its own is not known."""
         steps = key.split(".")
         line = next((self.lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in self.lines), None)
-        place = f"{self.file}:{line}" if line else self.file
+        place = line if isinstance(line, str) else f"{self.file}:{line}" if line else self.file
         return f"{place}, {key}" if key else place
 
 

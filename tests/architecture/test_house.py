@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from .house import CROWD, GUARDS, against_the_list, listed, shrunk
@@ -13,6 +15,7 @@ def package(**texts: str) -> dict[str, Module]:
     return {f"thermid.model.{name}": Module(f"thermid.model.{name}", text) for name, text in texts.items()}
 
 
+KERNEL = Path(__file__).parents[2] / "src" / "kernel"
 ONE = "from thermid.model.two import two"
 CROWDED = {f"f{k}": "" for k in range(CROWD + 1)}
 PLANTED = [
@@ -65,3 +68,9 @@ def test_a_listed_offender_that_was_mended_is_seen(modules: dict[str, Module], g
 def test_shrinking_never_adds() -> None:
     assert shrunk({"a": 1, "b": 3, "c": 1}, {"a": 2, "b": 2, "d": 1}) == {"a": 1, "b": 2}
     assert shrunk({"a b": 1, "x y": 1}, {"a b c": 1}) == {"a b": 1}
+
+
+def test_the_kernel_stands_in_folders_by_concept() -> None:
+    folders = {folder.name: len(list(folder.iterdir())) for folder in KERNEL.iterdir()}
+    assert folders["network"] >= 5
+    assert {name: n for name, n in folders.items() if n > CROWD} == {}

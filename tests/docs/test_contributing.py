@@ -30,6 +30,9 @@ bolts = { kind = "bolt", between = ["plate", "base"], bolt_conductance = { value
 heater = { into = "plate", power = "10 [W]" }
 """
 
+WALKS = (("test_silent_wrongs.py", "EXAMPLES: dict", "example"), ("judge/test_metrics.py", '    sizes["p95"]', "metric-size"))
+"""Tests that walk a table and need a line of each new row: file, where its lines stand, line of the page."""
+
 USE = """
 import json, sys
 # an editable install answers for the package before the path is looked at
@@ -72,6 +75,12 @@ def with_bolts(source: str) -> str:
     return f"{before}{EXAMPLE['function']}\n\n{mark}{after[:table]}\n{EXAMPLE['line'].rstrip()}{after[table:]}"
 
 
+def lengthened(source: str, table: str, row: str, end_of_table: str = "\n}\n") -> str:
+    """A module with one more row at the end of a table."""
+    end = source.index(end_of_table, source.index(table))
+    return f"{source[:end]}\n{row.rstrip()}{source[end:]}"
+
+
 def added(source: str, name: str, above: str, table: str, row_above: str) -> str:
     """A module after the function of a recipe was put above a line, and its row into a table."""
     before, mark, after = source.partition(above)
@@ -89,6 +98,11 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
     kinds = folder / "src" / "thermid" / "model" / "parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
+    diagram = folder / "src" / "thermid" / "reporting" / "diagrams" / "diagram.py"
+    diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["style"]), encoding="utf-8")
+    for name, table, row in WALKS:
+        walk = (ROOT / "tests" / "unit" / name).read_text(encoding="utf-8")
+        (folder / Path(name).name).write_text(lengthened(walk, table, EXAMPLE[row], "\n}\n" if row == "example" else "\n    assert "))
     metrics = folder / "src" / "thermid" / "judge" / "metrics.py"
     source = metrics.read_text(encoding="utf-8")
     metrics.write_text(added(source, "metric", "@dataclass(frozen=True)\nclass Metric:", "METRICS: Final", "}\n"), encoding="utf-8")
@@ -131,6 +145,20 @@ def test_the_test_of_a_recipe_passes_with_it_and_fails_without(copy: Path, file:
     )  # fmt: skip
     assert without.returncode == 1
     assert "1 failed" in without.stdout
+
+
+@pytest.mark.parametrize(
+    "test", ["test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn", "test_metrics.py::test_what_each_metric_is"]
+)
+def test_what_walks_a_table_passes_with_the_recipe_and_fails_without(copy: Path, test: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    done = run(copy, CHECK, test)
+    assert done.returncode == 0, done.stdout
+    file, _, name = test.partition("::")
+    for unchanged in (ROOT / "tests" / "unit").rglob(file):  # the test as it stands, of the package with the new row
+        done = run(copy, CHECK, f"{unchanged}::{name}")
+        assert done.returncode == 1, done.stdout
+        assert "1 failed" in done.stdout
 
 
 def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:

@@ -24,7 +24,7 @@ from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.readers.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure.record.record import STEPS
 from thermid.measure.record.sensor import _NUMBERS as PART_NUMBERS
-from thermid.model.deck import schema
+from thermid.model.deck import assemblies, fields, schema
 from thermid.model.laws.signal import Sine, TableSignal
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS
@@ -114,15 +114,15 @@ def by_heading() -> dict[str, Names]:
     return {
         "Public names": _of(td.__all__),
         "Deck": _model(schema.Deck),
-        "Value": _model(schema.ValueTable, {"value": ANY, "min": ANY, "max": ANY}),
+        "Value": _model(fields.ValueTable, {"value": ANY, "min": ANY, "max": ANY}),
         "Node": _model(schema.NodeTable, dict(NODE_SLOTS)),
         "Surface": _model(schema.SurfaceTable, SURFACE_SLOTS),
         "Facing": _model(schema.FacingTable, {"tilt": "deg", "azimuth": "deg"}),
-        "Natural convection": _model(schema.PowerLawTable, _group("htc", KINDS["convection"].slots)),
-        "Convection by correlation": _model(schema.Correlated, _group("htc", KINDS["convection"].slots)),
+        "Natural convection": _model(fields.PowerLawTable, _group("htc", KINDS["convection"].slots)),
+        "Convection by correlation": _model(fields.Correlated, _group("htc", KINDS["convection"].slots)),
         "Conductor": _of(conductor),
-        "Table of points": _model(schema.Points),
-        "Property over temperature": _model(schema.Property),
+        "Table of points": _model(fields.Points),
+        "Property over temperature": _model(fields.Property),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
         "Enclosure": _model(schema.EnclosureTable, {"dimensions": "m", "view_factors": "1", "exchange_factors": "1"}),
         "Gap of a joint": _model(schema.Gap, SURFACE_SLOTS),
@@ -131,8 +131,13 @@ def by_heading() -> dict[str, Names]:
         "Sine of a load": _model(schema.SinePower, _group("sine", LOAD_SLOTS)),
         "Thermostat": _model(schema.Thermostat, _group("thermostat", LOAD_SLOTS)),
         "Proportional heater": _model(schema.Proportional, _group("proportional", LOAD_SLOTS)),
+        "Cycle of a load": _model(schema.CycleTable, {"times": "s", "values": "1", "period": "s"}),
         "Submodel": _model(schema.SubmodelTable),
-        "Air and walls apart": _model(schema.AirAndSees),
+        "Package": _model(assemblies.PackageTable, assemblies.PACKAGE_UNITS | {"power": "W"}),
+        "Ladder": _model(assemblies.LadderTable, {"power": "W"}),
+        "Thermoelectric cooler": _model(assemblies.CoolerTable, assemblies.COOLER_UNITS | {"T_hot": TEMPERATURE}),
+        "Table of elements": _model(schema.RowsTable),
+        "Air and walls apart": _model(fields.AirAndSees),
         "State of a gas that a reduced deck was made in": _model(schema.MadeInTable, MADE_IN_UNITS),
         "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
         "Gas": _of(_plain(dataclasses.fields(td.Environment)), GAS_UNITS),
@@ -190,14 +195,14 @@ def unheaded() -> set[str]:
     shown = [set(names) for names in by_heading().values()]
     conductor = set(by_heading()["Conductor"])
     out = set()
-    for module in (schema, campaign_schema, plan_schema):
+    for module in (schema, fields, assemblies, campaign_schema, plan_schema):
         for made in vars(module).values():
             if (
                 isinstance(made, type)
                 and issubclass(made, BaseModel)
                 and made.__module__ == module.__name__
                 and made.model_fields
-                and made is not schema.ElementTable
+                and made not in (fields.ElementTable, fields.UsedTable)
             ):
                 keys = set(_model(made))
                 out |= {made.__name__} if keys not in shown and not conductor <= keys else set()

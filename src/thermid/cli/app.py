@@ -45,7 +45,14 @@ COMMANDS = {
         "studio.studio", "Open a deck or campaign as a page on this machine: sliders, levels, scenarios, a log that grows.", "studio"
     ),
     "diagram": Place("build.diagram", "Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."),
-    "import": Place("exchange.import_script", "Read the parameters of an InitFcn script and write them as a deck.", "symbolic"),
+    "import": Place(
+        "exchange.import_file", "Read a deck of SINDA or ESATAN as a model and a scenario, or the values of an InitFcn script.", "symbolic"
+    ),
+    "write-back": Place(
+        "exchange.write_back",
+        "Write fitted values into copies of a SINDA or ESATAN deck: equal but for the numbers that changed, each with a comment.",
+        "symbolic",
+    ),
     "export": Place(
         "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
     ),

@@ -1,7 +1,8 @@
-"""Commands of other tools' files: import, export, equations."""
+"""Commands of other tools' files: import, write-back, export, equations."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,14 +30,18 @@ from thermid.cli.options import (
     scenario_of,
 )
 from thermid.errors import DeckError, OutputError, nearest
-from thermid.files import DECK, EQUATIONS, EXPORT, FileKind, may_write, write_text
+from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
+from thermid.interop.decks.esatan import read_esatan
+from thermid.interop.decks.network_file import NetworkFile
+from thermid.interop.decks.results import balance, sinda_print
+from thermid.interop.decks.sinda import read_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.deck.save import save_model
+from thermid.model.deck.save import save_model, toml_text
 
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
@@ -54,15 +59,88 @@ def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str
         typer.echo(text, nl=False)
 
 
-def import_script(
-    script: Annotated[Path, typer.Argument(help="An InitFcn script (.m): name = expression; % comment [unit]")],
-    to: Annotated[Path | None, typer.Option("--to", help="The deck to write; the values are only shown without it.")] = None,
+def import_file(
+    file: Annotated[
+        Path,
+        typer.Argument(help="A SINDA case (.inp, .cc), an ESATAN deck (.d) or an InitFcn script (.m): name = expression; % comment [unit]"),
+    ],
+    to: Annotated[Path | None, typer.Option("--to", help="The deck to write; what was read is only shown without it.")] = None,
+    case: Annotated[
+        Path | None, typer.Option("--scenario", help="The scenario to write: boundaries, starts, courses of SINDA or ESATAN.")
+    ] = None,
+    results: Annotated[
+        Path | None, typer.Option("--results", help="SINDA's printed output (.out): the balance of each node at its last temperatures.")
+    ] = None,
     block: Annotated[
-        bool, typer.Option("--block", help="Write one mass that convects and is heated around the values, each found by its unit.")
+        bool,
+        typer.Option("--block", help="Of a script: write one mass that convects and is heated around the values, each found by its unit."),
     ] = False,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
+    """Read a deck of SINDA or ESATAN as a model and a scenario, or the values of an InitFcn script."""
+    if file.suffix.lower() == ".m":
+        _import_script(file, to, block, force, as_json)
+        return
+    network = _network(file)
+    model, closing = network.model(), None
+    if results is not None:
+        closing = balance(network, network.celsius(sinda_print(results)[-1]))
+    if to is not None:
+        save_model(model, to)
+    if case is not None:
+        write_text(case, toml_text(network.case()), SCENARIO)
+    shown = {
+        "nodes": len(network.nodes),
+        "conductors": len(network.conductors),
+        "loads": len(network.loads),
+        "groups": network.groups(),
+        "dropped": [str(each) for each in network.remarks if each.dropped],
+        "remarks": [str(each) for each in network.remarks if not each.dropped],
+    }
+    if closing is not None:
+        shown["not_closed_W"] = closing.open()
+    files = [f"written: {each}" for each in (to, case) if each is not None]
+    say(as_json, shown, "\n".join([str(network), *([str(closing)] if closing is not None else []), *files]))
+
+
+def write_back(
+    file: Annotated[Path, typer.Argument(help="The SINDA case (.inp, .cc) or ESATAN deck (.d) that `thermid import` read.")],
+    deck: Annotated[Path, typer.Argument(help="The deck that the import wrote.")],
+    to: Annotated[Path, typer.Option("--to", help="The folder for the changed files; the read ones stay as they are.")],
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    param: Parameters = [],  # noqa: B006
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Write fitted values into copies of a SINDA or ESATAN deck: equal but for the numbers that changed, each with a comment."""
+    network = _network(file)
+    model = fitted_model(deck, values, keep_values, param)
+    standing = model_standing(model).accept(accept or ())
+    texts = network.written_back(model)
+    targets = {to / Path(name).name: text for name, text in texts.items()}
+    if targets:
+        to.mkdir(parents=True, exist_ok=True)
+    for target, text in targets.items():
+        write_bytes(target, text.encode("latin-1"), COPY)
+    lines = [f"written: {target}" for target in targets] or ["nothing differs from the deck: no file was written"]
+    say(as_json, {"files": [target.name for target in targets], "standing": standing.to_dict()}, "\n".join(lines))
+    leave(standing)
+
+
+def _network(file: Path) -> NetworkFile:
+    """Return the network of a deck; its content tells which tool wrote it."""
+    head = read_bytes(file)[:1_000_000].decode("latin-1") if file.is_file() else ""
+    if re.search(r"^\s*\$MODEL\b", head, re.MULTILINE | re.IGNORECASE):
+        return read_esatan(file)
+    if not head or re.search(r"^\s*HEADER\s+\w+", head, re.MULTILINE | re.IGNORECASE):
+        return read_sinda(file)
+    raise DeckError("it has neither $MODEL (ESATAN) nor HEADER (SINDA); an InitFcn script ends with .m.", str(file))
+
+
+def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     script_values = read_initfcn(script)
     title = (to or script).stem

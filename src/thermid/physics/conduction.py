@@ -184,3 +184,46 @@ def fin_conductances(htc: Number, perimeter: Number, conductivity: Number, cross
     root = square**0.5
     decay = math.e ** (-root)
     return slab * (2.0 * root * decay / (1.0 - decay * decay)), slab * (root * (1.0 - decay) / (1.0 + decay))
+
+
+def spreading_resistance(
+    conductivity: Number, source_area: Number, plate_area: Number, thickness: Number, htc: Number | None = None
+) -> Number:
+    """Resistance by which heat of a small source spreads in a plate, to the mean temperature of the source [K/W].
+
+    Beside the slab t / (k A) of the whole plate. Areas of any compact shape count as discs of the same area; the source lies in the middle.
+
+    Parameters
+    ----------
+    conductivity : float             Of the plate. [W/(m K)]
+    source_area, plate_area : float  [m^2]
+    thickness : float                [m]
+    htc : float                      Coefficient of the far side; None where that has one temperature. [W/(m^2 K)]
+
+    Returns
+    -------
+    float   (1 - e)^1.5 / (2 k sqrt(A_s)) (tanh(l t) + l / Bi) / (1 + l tanh(l t) / Bi), with the radii a and b of the discs, e = a / b,
+            l = pi + 1 / (sqrt(pi) e), t in radii b and Bi = h b / k. Within 10 % of the series solution where e is at most 0.5 and
+            the thickness at least 0.1 b; up to 30 % off elsewhere.
+
+    References
+    ----------
+    Lee, Song, Au, Moran, Constriction/spreading resistance model for electronics packaging, ASME/JSME Thermal Engineering Conference 4
+    (1995) 199.
+
+    Examples
+    --------
+    A source of 1 cm^2 on 5 mm of aluminium of 25 cm^2, 1000 W/(m^2 K) below:
+
+    >>> round(spreading_resistance(180.0, 1e-4, 25e-4, 5e-3, 1000.0), 3)
+    0.25
+    """
+    ratio = (source_area / plate_area) ** 0.5
+    radius = (plate_area / math.pi) ** 0.5
+    decay = math.pi + 1.0 / (math.pi**0.5 * ratio)
+    depth = math.e ** (-2.0 * decay * thickness / radius)
+    through = (1.0 - depth) / (1.0 + depth)
+    if htc is not None:
+        back = decay * conductivity / (htc * radius)
+        through = (through + back) / (1.0 + back * through)
+    return 0.5 * (1.0 - ratio) ** 1.5 * through / (conductivity * source_area**0.5)

@@ -98,7 +98,7 @@ def test_what_each_metric_is() -> None:
     r = Residuals.of(np.array([0.0, 10.0, 20.0, 30.0, 96.0, 100.0]), z)
     sizes = {"rmse": np.sqrt(np.mean(z**2)), "mean": z.mean(), "largest": -2.0, "spread": z.std(), "final": 0.45}
     sizes["p95"] = 0.75 * 2.0 + 0.25 * 0.5
-    assert {key: METRICS[key].of(r) for key in sizes} == pytest.approx(sizes)
+    assert {key: row.of(r) for key, row in METRICS.items()} == pytest.approx(sizes)
 
 
 def test_a_row_more_is_known_to_a_verdict_and_a_study(study: Path) -> None:

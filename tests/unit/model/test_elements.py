@@ -16,6 +16,7 @@ from thermid.model.tree.areas import ledger
 from thermid.model.tree.model import Model
 from thermid.network import rows
 from thermid.network.network import compile_network
+from thermid.physics.conduction import spreading_resistance
 
 Build = Callable[..., Model]
 POWERS = {"points": [["0 [degC]", "1 [W]"], ["50 [degC]", "2 [W]"]]}
@@ -191,6 +192,17 @@ def test_open_paths_are_fine(part: Build) -> None:
                 "transition": "4 [K]",
             },
             0.1,
+        ),
+        ({"kind": "bolted", "count": 4, "conductance_each": "0.3 [W/K]"}, 1.2),
+        (
+            {"kind": "wedge_lock", "count": 2, "length": "10 [cm]", "resistance_length": "0.005 [m K/W]"}
+            | {"vacuum_resistance_length": "0.008 [m K/W]"},
+            25.0,
+        ),
+        (
+            {"kind": "spreading", "source_area": "1 [cm^2]", "plate_area": "25 [cm^2]", "thickness": "5 [mm]"}
+            | {"conductivity": "180 [W/(m K)]", "htc": "1000 [W/(m^2 K)]"},
+            1.0 / (spreading_resistance(180.0, 1e-4, 25e-4, 5e-3, 1000.0) + 5e-3 / (180.0 * 25e-4)),
         ),
         ({"kind": "table", "scale": 3, "table": {"points": [["0 [degC]", "1 [W/K]"], ["50 [degC]", "2 [W/K]"]]}}, 3.0),
     ],

@@ -94,6 +94,7 @@ pairs = { kind = "radiation", between = ["back", "walls"], exchange_factor = "de
 layer = { kind = "gas", between = ["plate", "back"], area = "2 [cm^2]", gap = "0.5 [mm]", gas = "N2" }
 mount = { kind = "convection", between = ["back", "air"], htc = { length = "3 [cm]", orientation = "down" }, area = "2 [cm^2]" }
 wire = { kind = "lead", between = ["plate", "walls"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "40 [cm]", to = "air" }
+rail = { kind = "wedge_lock", between = ["plate", "back"], count = 2, length = "8 [cm]", resistance_length = "0.006 [m K/W]" }
 stream = { kind = "flow", between = ["air", "back"], mass_flow = "0.01 [g/s]", specific_heat = "1006 [J/(kg K)]" }
 valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { points = [
     ["-20 [degC]", "0.1 [W/K]"],   # cold
@@ -102,6 +103,30 @@ valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { poin
 steep = { kind = "table", between = ["plate", "air"], table = { over = "difference", points = [
     ["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"],
 ] } }
+
+[conductors.screws]
+kind = "bolted"
+between = ["plate", "back"]
+count = 4
+torque = "1.2 [N m]"
+diameter = "4 [mm]"
+washer = "8 [mm]"
+thickness = "2 [mm]"
+conductivity = "130 [W/(m K)]"
+hardness = "1.1 [GPa]"
+roughness = "2 [um]"
+slope = 0.1
+area = "20 [cm^2]"
+filler_conductivity = "1.5 [W/(m K)]"
+filler_thickness = "0.2 [mm]"
+
+[conductors.chip]
+kind = "spreading"
+between = ["plate", "back"]
+source_area = "1 [cm^2]"
+plate_area = "25 [cm^2]"
+thickness = "5 [mm]"
+conductivity = "180 [W/(m K)]"
 
 [conductors.pipe]
 kind = "heat_pipe"
@@ -128,6 +153,7 @@ thickness = "0.1 [mm]"
 steady = { into = "plate", power = { value = "2 [W]", min = 1, max = 3 } }
 curve = { into = "back", scale = 1.5, table = { points = [["0 [degC]", "1 [W]"], ["60 [degC]", "0.5 [W]"]] } }
 pulse = { into = "back", power = "1 [W]", periodic = { period = "10 [min]", duty = "30 [%]" } }
+shape = { into = "back", power = "1 [W]", cycle = { times = ["0 [s]", "2 [min]", "5 [min]"], values = [1, 0.3, 1], hold = true } }
 wave = { into = "back", power = "1 [W]", sine = { amplitude = "0.5 [W]", period = "1 [h]" } }
 stat = { into = "back", power = "5 [W]", thermostat = { sensor = "plate", on_below = "low", off_above = "25 [degC]" } }
 prop = { into = "back", power = "5 [W]", proportional = { gain = "0.5 [W/K]", setpoint = "low" } }

@@ -237,7 +237,7 @@ def test_a_long_text_is_cut_to_its_room() -> None:
 
 
 def test_every_kind_of_conductor_has_a_line() -> None:
-    assert set(STYLES) <= set(KINDS)
+    assert set(STYLES) == set(KINDS)
     lead = {"kind": "lead", "between": ["hot", "air"], "conductivity": "390 [W/(m K)]", "diameter": "0.5 [mm]", "length": "80 [cm]"}
     lead |= {"count": 6, "htc": "20 [W/(m^2 K)]", "to": "air"}
     deck = {"title": "d", "needs": ["air"], "nodes": {"hot": {"capacitance": "1 [J/K]"}}, "conductors": {"wire": lead}}

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from keyword import iskeyword
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError
+from thermid.errors import DeckError, nearest
 from thermid.expression import NAME, RESERVED
+from thermid.files import read_text
+from thermid.model.deck.rows import written_out
+from thermid.model.parts.parameter import Parameter, parameter
+from thermid.model.tree.arrays import Instances, made_instances, merged
 from thermid.model.tree.identity import definition_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import TABLES, Submodel
 from thermid.toml_files import Places, read_toml, resolve_inside
 
+if TYPE_CHECKING:
+    from thermid.model.deck.assemblies import Assembly
+    from thermid.model.deck.schema import Deck
+
 DEEPEST = 20
+ASSEMBLIES = ("packages", "ladders", "coolers")
+"""Groups of a deck whose elements are small decks."""
 _OTHERS = (
     ({"tests", "limits"}, "this is a qualification plan, not a deck. `thermid plan` reads it."),
     ({"duration"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
@@ -62,13 +73,48 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
         def use(name: str, where: str) -> Loaded:
             return _load(resolve_inside(path.parent, name, where), (*trail, here), known)
 
-        model = model_from_dict(data, file=path.name, lines=lines, use=use)
+        def read(name: str, where: str) -> str:
+            return _text_of(resolve_inside(path.parent, name, where), where)
+
+        model = model_from_dict(data, file=path.name, lines=lines, use=use, read=read)
         known[here] = model, definition_of(model)
     return known[here]
 
 
+def _text_of(path: Path, where: str) -> str:
+    if not path.is_file():
+        near = nearest(path.name, {p.name for p in path.parent.glob(f"*{path.suffix}")})
+        raise DeckError(f"there is no file '{path.name}'.{near}", where)
+    try:
+        return read_text(path, "utf-8-sig")
+    except UnicodeDecodeError:
+        raise DeckError(f"'{path.name}' is not UTF-8 text.", where) from None
+
+
+@dataclass(frozen=True)
+class _Site:
+    """Where a deck stands, and what is needed to read others.
+
+    Parameters
+    ----------
+    where : Places      Key path -> place, for messages.
+    use : callable      File name and place -> model and its definition; None where a deck has no folder.
+    read : callable     File name and place -> text; None likewise.
+    """
+
+    where: Places
+    use: Any
+    read: Any
+
+    def below(self, key: str) -> Callable[[str], str]:
+        """Return places of what stands below a key."""
+        return lambda inner: self.where(f"{key}.{inner}" if inner else key)
+
+
 @takes_objects
-def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int] | None = None, use: Any = None) -> Model:
+def model_from_dict(
+    data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int | str] | None = None, use: Any = None, read: Any = None
+) -> Model:
     """Return the model that a dictionary describes: the Python twin of a deck, with the same fields.
 
     Parameters
@@ -77,50 +123,84 @@ def model_from_dict(data: Mapping[str, Any], *, file: str = "", lines: Mapping[s
                     conductor or a load what `law` returns.
     file : str      For messages.
     lines : dict    Key path -> line, for messages.
+    use, read : callable    What a deck on disk has: name of a deck and place -> model and its definition; name of a file and place -> text.
 
     Raises
     ------
     DeckError       When it does not follow the grammar; every fault is listed.
     """
-    from thermid.model.deck.schema import Deck
+    from thermid.model.deck.schema import Deck, fields_of_groups, tables_of
 
     where = Places(file or str(data.get("title", "deck")), lines or {})
+    if data.get("tables"):
+        data, lines = written_out(data, tables_of(data["tables"], where), where, read, fields_of_groups())
+        where = Places(where.file, lines)
     deck = Deck.from_file(data, where)
-
-    def below(key: str) -> Callable[[str], str]:
-        return lambda inner: where(f"{key}.{inner}" if inner else key)
-
-    submodels = {}
-    for name, table in deck.submodels.items():
-        if isinstance(table.use, Model):
-            part, definition = table.use, definition_of(table.use)
-        elif use is None:
-            raise DeckError("a file can be used from a deck only; give a Model here.", where(f"submodels.{name}.use"))
-        else:
-            part, definition = use(table.use, where(f"submodels.{name}.use"))
-        bind = {need: node if isinstance(node, str) else node.to for need, node in table.bind.items()}
-        sees = {need: node.sees for need, node in table.bind.items() if not isinstance(node, str)}
-        submodels[name] = Submodel(part, bind, definition, sees)
+    site = _Site(where, use, read)
     elements: dict[str, Any] = {
-        group: {name: table.element(below(f"{group}.{name}")) for name, table in getattr(deck, group).items()} for group in TABLES
+        group: {name: table.element(site.below(f"{group}.{name}")) for name, table in getattr(deck, group).items()} for group in TABLES
     }
+    submodels: dict[str, Submodel[Model]] = {}
+    settings: dict[str, Parameter] = dict(deck.set)
+    places = dict(where.lines)
+    for key, made in _parts(deck, site):
+        for table, more in ((submodels, made.submodels), (settings, made.settings), (elements["conductors"], made.conductors)):
+            merged(table, more, where(key))
+        line = _line(where, key)
+        if line:
+            paths = [f"set.{path}" for path in made.settings]
+            paths += [f"{table}.{name}" for table in ("submodels", "conductors") for name in getattr(made, table)]
+            places |= dict.fromkeys(paths, line)
+    plain: dict[str, Any] = {name: getattr(deck, name) for name in ("title", "box", "use", "parameters", "aliases")}
+    made_in = {gas: table.element(site.below(f"made_in.{gas}")) for gas, table in deck.made_in.items()}
     model = Model(
-        title=deck.title,
-        box=deck.box,
-        use=deck.use,
+        **plain,
+        **elements,
         needs=tuple(deck.needs),
         offers=tuple(deck.offers),
-        parameters=deck.parameters,
         submodels=submodels,
-        settings=deck.set,
-        aliases=deck.aliases,
-        made_in={gas: table.element(below(f"made_in.{gas}")) for gas, table in deck.made_in.items()},
+        settings=settings,
+        made_in=made_in,
         file=file,
-        lines=dict(lines or {}),
-        **elements,
+        lines=places,
     )
     _check_names(model)
     return model.cut(*deck.cuts)
+
+
+def _line(where: Places, key: str) -> int | str | None:
+    """Return the line of an element, or of its group."""
+    return where.lines.get(key) or where.lines.get(key.partition(".")[0])
+
+
+def _parts(deck: Deck, site: _Site) -> Iterator[tuple[str, Instances]]:
+    """Yield key and parts of everything that a deck uses or that stands for a small deck."""
+    for name, used in deck.submodels.items():
+        key = f"submodels.{name}"
+        if isinstance(used.use, Model):
+            part, definition = used.use, definition_of(used.use)
+        elif site.use is None:
+            raise DeckError("a file can be used from a deck only; give a Model here.", site.where(f"{key}.use"))
+        else:
+            part, definition = site.use(used.use, site.where(f"{key}.use"))
+        below = site.below(key)
+        yield key, made_instances(name, used.use_of(), part, definition, used.joined(below), below)
+    for group in ASSEMBLIES:
+        for name, table in getattr(deck, group).items():
+            key = f"{group}.{name}"
+            yield key, _assembled(name, table.assembly(name, site.below(key), site.read), site, key)
+
+
+def _assembled(name: str, made: Assembly, site: _Site, key: str) -> Instances:
+    """Return the small deck of an element of several nodes as a part, its places those of the element."""
+    where, home = site.where, _line(site.where, key)
+    lines: dict[str, int | str] = {}
+    if home:
+        lines = dict.fromkeys((*TABLES, "title", "needs", "parameters"), home)
+        lines |= {f"parameters.{inner.removeprefix(key)[1:]}": line for inner, line in where.lines.items() if inner.startswith(f"{key}.")}
+    part = model_from_dict(made.deck, file=where.file, lines=lines)
+    given = {f"{name}.{path}": parameter(raw, where(f"{key}.{path}")) for path, raw in made.values.items()}
+    return Instances({name: Submodel(part, made.bind, definition_of(part), made=key.partition(".")[0])}, given, {})
 
 
 def _check_names(model: Model) -> None:

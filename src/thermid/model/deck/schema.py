@@ -6,23 +6,38 @@ Loaded only when a file is read: pydantic takes a tenth of a second.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
-from pydantic import BaseModel, Field, create_model
+from pydantic import Field, create_model
 
-from thermid.errors import DeckError, nearest
-from thermid.grammar import StrictTable, or_instance, reads
-from thermid.model.laws.curves import Curve, curve, limited
-from thermid.model.laws.options import Box, Source, StandsFor
+from thermid.errors import DeckError, ThermidError, nearest
+from thermid.grammar import StrictTable, reads
+from thermid.model.deck.assemblies import CoolerTable, LadderTable, PackageTable
+from thermid.model.deck.fields import (
+    Coefficient,
+    CurveTable,
+    ElementTable,
+    Property,
+    Real,
+    Tabulated,
+    UsedTable,
+    Value,
+    Where,
+    curve_of,
+)
+from thermid.model.laws.curves import Curve, limited
+from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
-from thermid.model.laws.stores import SLOPES, TABULATED, melting, tabulated
+from thermid.model.laws.stores import melting, tabulated
 from thermid.model.parts.elements import (
     CONTROLS,
     LOAD_SLOTS,
     NODE_SLOTS,
     Conductor,
+    Cycle,
     Enclosure,
     HeatLoad,
     Joint,
@@ -33,132 +48,14 @@ from thermid.model.parts.elements import (
 )
 from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
-from thermid.model.parts.parameter import Parameter, parameter
-from thermid.model.tree.model import Model
+from thermid.model.parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
 from thermid.physics.view_factors import SHAPES
 
-Where = Callable[[str], str]
-"""Key below an element, or none for the element itself -> its place in the deck."""
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
-NO_CONVECTION = "0 [W/(m^2 K)]"
 MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
 """Fields of a node that melts, beside its mass and specific heat, with their units."""
-
-Real: TypeAlias = Annotated[float, Field(strict=True)]
-"""A number; true and false are none."""
-
-
-class ValueTable(StrictTable):
-    """A value with its bounds and where it comes from."""
-
-    value: str | Real
-    min: str | Real | None = None
-    max: str | Real | None = None
-    source: Source | None = None
-    note: str = ""
-    basis: str = ""
-
-    def table(self) -> dict[str, Any]:
-        """Return what of it was written."""
-        return {key: value for key, value in self if value not in (None, "")}
-
-
-def _quantity(written: Any) -> Any:
-    """Return the parameter that a text, a number or a table is; a law or a table of points as it is."""
-    if isinstance(written, PowerLawTable | Correlated | Property):
-        return written
-    return parameter(written.table() if isinstance(written, ValueTable) else written)
-
-
-def _coefficient(written: Any) -> Any:
-    """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
-    if isinstance(written, ValueTable) and written.value in (0, "0"):
-        return parameter(written.table() | {"value": NO_CONVECTION})
-    return _quantity(NO_CONVECTION if written in (0, "0") else written)
-
-
-Value: TypeAlias = Annotated[Parameter, reads(str | Real | ValueTable, _quantity)]
-
-
-class PowerLawTable(StrictTable):
-    """h = coefficient |dT / 1 K|^exponent."""
-
-    coefficient: Value
-    exponent: Value
-
-
-class Correlated(StrictTable):
-    """h by a correlation, from the properties of the gas at film temperature, its pressure, gravity and wind."""
-
-    correlation: str = ""
-    length: Value
-    orientation: Literal["vertical", "up", "down"] = "vertical"
-
-
-class Property(StrictTable):
-    """A property over temperature: straight lines; a third text of a point is its slope and makes it smooth."""
-
-    points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
-    interpolation: Literal["linear", "smooth"] = "linear"
-    outside: Literal["hold", "linear", "refuse"] = "hold"
-    source: Source | None = None
-    basis: str = ""
-
-    def curve(self, slot: str, where: str, over: str = "temperature", steps: bool = False) -> Curve:
-        """Return the curve through the points, each a text for every slot or for the first two."""
-        slots = ("temperature" if over == "temperature" else "K", slot, SLOPES[slot])
-        points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in self.points]
-        return curve(over, points, where, self.source or "", self.basis, self.interpolation, self.outside, steps)
-
-    def of(self, name: str, where: str) -> Curve:
-        """Return the curve of one property: conductivity, specific_heat or enthalpy."""
-        return tabulated(name, self.curve(TABULATED[name], where, steps=name == "enthalpy"), where)
-
-
-class Points(Property):
-    """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
-
-    over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
-
-
-CurveTable: TypeAlias = Annotated[Points, or_instance(Curve)]
-Coefficient: TypeAlias = Annotated[
-    Parameter | PowerLawTable | Correlated, reads(str | Real | ValueTable | PowerLawTable | Correlated, _coefficient)
-]
-Tabulated: TypeAlias = Annotated[Parameter | Property, reads(str | Real | ValueTable | Property, _quantity)]
-
-
-def _curve(table: Points | Curve | None, slot: str, where: str) -> Curve | None:
-    return table.curve(slot, where, table.over) if isinstance(table, Points) else table
-
-
-class ElementTable(StrictTable):
-    """Base of the tables of elements."""
-
-    test_only: bool = False
-
-    def parameters(self, names: Iterable[str]) -> dict[str, Parameter]:
-        """Return field -> parameter of the fields among `names`; those of a group as ``group.field``."""
-        out: dict[str, Parameter] = {}
-        for name in names:
-            value = getattr(self, name, None)
-            if isinstance(value, Parameter):
-                out[name] = value
-            elif isinstance(value, BaseModel):
-                out |= {f"{name}.{inner}": each for inner, each in value if isinstance(each, Parameter)}
-        return out
-
-    def words(self, names: Iterable[str]) -> dict[str, str]:
-        """Return the fields among `names` that are words; those of a group as ``group.field``."""
-        out: dict[str, str] = {}
-        for name in sorted(names):
-            group, _, inner = name.partition(".")
-            value = getattr(self, group, None)
-            word = getattr(value, inner, "") if inner else value
-            out |= {name: word} if word and isinstance(word, str) else {}
-        return out
 
 
 class NodeTable(ElementTable):
@@ -350,6 +247,33 @@ class Periodic(StrictTable):
     duty: Value
 
 
+class CycleTable(StrictTable):
+    """A factor on the power that repeats: straight lines between rows, or steps."""
+
+    times: Annotated[list[str], Field(min_length=2)]
+    values: Annotated[list[str | Real], Field(min_length=2)]
+    hold: bool = False
+    period: str | None = None
+
+    def cycle(self, where: str) -> Cycle:
+        """Return the factor; its last row ends the period where none is given."""
+        times = [literal(t, "s", where) for t in self.times]
+        values = [literal(v, "1", where) for v in self.values]
+        if self.period is not None:
+            end = literal(self.period, "s", where)
+            if not end > times[-1]:
+                raise DeckError("the period is over before the last row; leave it out where the last row ends it.", where)
+            times, values = [*times, end], [*values, values[0]]
+        if times[0] != 0.0:
+            raise DeckError("a cycle begins at 0 s.", where)
+        made = Cycle(tuple(times), tuple(values), self.hold)
+        try:
+            made.signal()
+        except ThermidError as error:
+            raise error.located(where) from None
+        return made
+
+
 class SinePower(StrictTable):
     """A sine on top of the power."""
 
@@ -390,6 +314,7 @@ class LoadTable(ElementTable):
     exponential_coefficient: Value | None = None
     reference_temperature: Value | None = None
     periodic: Periodic | None = None
+    cycle: CycleTable | None = None
     sine: SinePower | None = None
     thermostat: Thermostat | None = None
     proportional: Proportional | None = None
@@ -397,7 +322,7 @@ class LoadTable(ElementTable):
     def element(self, where: Where) -> HeatLoad:
         """Return the heat load."""
         fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
-        shape = _curve(self.table, "W", where(""))
+        shape = curve_of(self.table, "W", where(""))
         controls = [c for c in CONTROLS if getattr(self, c) is not None]
         curved = [f for f in fields if f.endswith("_coefficient")]
         if (self.power is None) == (shape is None):
@@ -417,14 +342,8 @@ class LoadTable(ElementTable):
         if self.scale is not None and shape is None:
             raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(""))
         sensor = getattr(self, controls[0]).sensor if controls else ""
-        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only)
-
-
-class AirAndSees(StrictTable):
-    """A need bound to two nodes: what its surfaces convect to, and what they see."""
-
-    to: str
-    sees: str
+        cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
+        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only, cycle)
 
 
 class MadeInTable(StrictTable):
@@ -440,13 +359,6 @@ class MadeInTable(StrictTable):
         slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
         numbers = {name: literal(getattr(self, name), slot, where(name)) for name, slot in slots.items()}
         return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
-
-
-class SubmodelTable(StrictTable):
-    """A deck used inside this one."""
-
-    use: Annotated[str, or_instance(Model)]
-    bind: dict[str, str | AirAndSees] = {}
 
 
 def _check_stream(given: set[str], fluid: str, where: str) -> None:
@@ -492,7 +404,7 @@ class _ConductorTable(ElementTable):
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
-        points = _curve(self.table, "W/K", where(""))
+        points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
             raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
         if points is not None and (points.y < 0).any():
@@ -539,6 +451,30 @@ def _with_fields_of_kinds() -> type[_ConductorTable]:
 ConductorTable = _with_fields_of_kinds()
 
 
+class SubmodelTable(UsedTable):
+    """A deck used inside this one: once, or as an array with conductors between neighbours."""
+
+    links: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
+
+    def joined(self, where: Where) -> dict[str, Conductor]:
+        """Return the conductors to the next neighbour, their ends by their names inside an instance; both may have one name."""
+        out = {}
+        for name, table in self.links.items():
+            between = tuple(f"{side}.{end}" for side, end in zip(("here", "next"), table.between, strict=True))  # type: ignore[attr-defined]
+            made = table.model_copy(update={"between": between}).element(lambda key, name=name: where(f"links.{name}.{key}".rstrip(".")))  # type: ignore[attr-defined]
+            out[name] = replace(made, between=(between[0].partition(".")[2], between[1].partition(".")[2]))
+        return out
+
+
+class RowsTable(StrictTable):
+    """A table that makes elements: one row, one element."""
+
+    makes: str
+    file: str = ""
+    rows: list[dict[str, Any]] = []
+    each: dict[str, Any] = {}
+
+
 class Deck(StrictTable):
     """What the hardware is."""
 
@@ -555,10 +491,31 @@ class Deck(StrictTable):
     enclosures: dict[str, EnclosureTable] = {}
     loads: dict[str, LoadTable] = {}
     submodels: dict[str, SubmodelTable] = {}
+    packages: dict[str, PackageTable] = {}
+    ladders: dict[str, LadderTable] = {}
+    coolers: dict[str, CoolerTable] = {}
+    tables: dict[str, RowsTable] = {}
     set: dict[str, Value] = {}
     cuts: list[str] = []
     aliases: dict[str, str] = {}
     made_in: dict[str, MadeInTable] = {}
+
+
+GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "submodels", "packages", "ladders", "coolers")
+"""Groups of a deck whose elements a table of rows may make."""
+
+
+def fields_of_groups() -> dict[str, dict[str, Any]]:
+    """Return group of a deck -> the fields of its elements."""
+    return {group: get_args(Deck.model_fields[group].annotation)[1].model_fields for group in GROUPS}
+
+
+def tables_of(written: Mapping[str, Any], where: Where) -> dict[str, RowsTable]:
+    """Return the tables that make elements, checked against their grammar."""
+    return {
+        name: RowsTable.from_file(raw, lambda inner, name=name: where(f"tables.{name}.{inner}".rstrip(".")))  # type: ignore[misc]
+        for name, raw in written.items()
+    }
 
 
 def json_schema() -> dict[str, Any]:

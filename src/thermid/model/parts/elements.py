@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Signal, TableSignal
 from thermid.model.parts.facing import Facing
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
@@ -165,6 +168,26 @@ class Enclosure:
 
 
 @dataclass(frozen=True)
+class Cycle:
+    """A factor on a load that repeats, over time from 0.
+
+    Parameters
+    ----------
+    times : tuple of float      From 0; the last one is the period. [s]
+    values : tuple of float     At these times; the last is the first again, unless they are steps. [-]
+    hold : bool                 Steps in place of straight lines.
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    hold: bool = False
+
+    def signal(self) -> Signal:
+        """Return it as a signal."""
+        return TableSignal(np.array(self.times), np.array(self.values), hold=self.hold, after="repeat")
+
+
+@dataclass(frozen=True)
 class HeatLoad:
     """Heat put into a node.
 
@@ -175,6 +198,7 @@ class HeatLoad:
     sensor : str            The node whose temperature a thermostat or proportional control follows; `into` when empty. What the load would
                             give without control follows `into`.
     curve : Curve or None   Power over the node's temperature. [W]
+    cycle : Cycle or None   What its power is multiplied with, over and over; None for a steady load. [-]
     """
 
     into: str
@@ -182,6 +206,7 @@ class HeatLoad:
     sensor: str = ""
     curve: Curve | None = None
     test_only: bool = False
+    cycle: Cycle | None = None
 
 
 @dataclass(frozen=True)

@@ -220,6 +220,49 @@ def _heat_pipe(f: Fields) -> Law:
     return Law("table", (1.0,), points=((first, f["off_conductance"]), (first + f["transition"], f["on_conductance"])))
 
 
+def _bolted(f: Fields) -> tuple[Law, ...]:
+    """Return what screws carry, by a figure for one or by their preload, and a filler on the rest of the joint."""
+    if "conductance_each" in f:
+        zone: Number = 0.0
+        screws = f["count"] * f["conductance_each"]
+    else:
+        zone = f["count"] * contact.bolt_zone(f["washer"], f["diameter"], f["thickness"])
+        if value_of(zone) <= 0.0:
+            raise DeckError("a washer must be wider than the screw's hole.")
+        force = contact.bolt_preload(f["torque"], f["diameter"], f.get("nut_factor", contact.NUT_FACTOR))
+        pressure = f["count"] * force / zone
+        screws = zone * contact.plastic_contact_conductance(f["conductivity"], f["slope"], f["roughness"], pressure, f["hardness"])
+    filler = {"area", "filler_conductivity", "filler_thickness"} & set(f)
+    if not filler:
+        return (Law("linear", (screws,)),)
+    if len(filler) < 3:
+        raise DeckError("a filler needs area (of the whole joint), filler_conductivity and filler_thickness.")
+    rest = f["area"] - zone
+    if value_of(rest) < 0.0:
+        raise DeckError("its screws press more than the area of the joint. Give a larger area, or smaller washers.")
+    return Law("linear", (screws,)), Law("linear", (conduction.slab_conductance(f["filler_conductivity"], rest, f["filler_thickness"]),))
+
+
+def _wedge_lock(f: Fields) -> tuple[Law, ...]:
+    """Return what clamped edges carry; the part by gas is what their figure in vacuum lacks."""
+    edges = f["count"] * f["length"]
+    whole = edges / f["resistance_length"]
+    if "vacuum_resistance_length" not in f:
+        return (Law("linear", (whole,)),)
+    solid = edges / f["vacuum_resistance_length"]
+    if value_of(solid) > value_of(whole):
+        raise DeckError("in vacuum a wedge lock has more resistance than in air, not less.")
+    return Law("linear", (solid,)), Law("linear", (whole - solid,), "gas")
+
+
+def _spreading(f: Fields) -> Law:
+    """Return a small source on a plate, from the mean of the source to the plate's far side."""
+    if not value_of(f["source_area"]) < value_of(f["plate_area"]):
+        raise DeckError('a source is smaller than its plate. Where it covers the plate use kind = "conduction".')
+    spread = conduction.spreading_resistance(f["conductivity"], f["source_area"], f["plate_area"], f["thickness"], f.get("htc"))
+    return Law("linear", (1.0 / (spread + f["thickness"] / (f["conductivity"] * f["plate_area"])),))
+
+
 _AREA = {"area": "m^2"}
 _ALL = frozenset
 
@@ -275,6 +318,29 @@ KINDS: Final[Mapping[str, Kind]] = {
         _heat_pipe,
         (_ALL({"on_conductance", "off_conductance", "start_temperature", "transition"}),),
         {"on_conductance": "W/K", "off_conductance": "W/K", "start_temperature": TEMPERATURE, "transition": "K"},
+    ),
+    "bolted": Kind(
+        _bolted,
+        (
+            _ALL({"count", "conductance_each"}),
+            _ALL({"count", "torque", "diameter", "washer", "thickness", "hardness", "roughness", "slope", "conductivity"}),
+        ),
+        {"count": "1", "conductance_each": "W/K", "torque": "J", "diameter": "m", "washer": "m", "thickness": "m", "hardness": "Pa"}
+        | {"roughness": "m", "slope": "1", "conductivity": "W/(m K)", "nut_factor": "1", **_AREA}
+        | {"filler_conductivity": "W/(m K)", "filler_thickness": "m"},
+        optional=_ALL({"nut_factor", "area", "filler_conductivity", "filler_thickness"}),
+    ),
+    "wedge_lock": Kind(
+        _wedge_lock,
+        (_ALL({"count", "length", "resistance_length"}),),
+        {"count": "1", "length": "m", "resistance_length": "m K/W", "vacuum_resistance_length": "m K/W"},
+        optional=_ALL({"vacuum_resistance_length"}),
+    ),
+    "spreading": Kind(
+        _spreading,
+        (_ALL({"conductivity", "source_area", "plate_area", "thickness"}),),
+        {"conductivity": "W/(m K)", "source_area": "m^2", "plate_area": "m^2", "thickness": "m", "htc": "W/(m^2 K)"},
+        optional=_ALL({"htc"}),
     ),
     "table": Kind(_table, (_ALL({"scale"}), _ALL()), {"scale": "1"}, needs_curve=True),
 }

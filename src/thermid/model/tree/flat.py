@@ -89,6 +89,7 @@ class FlatLoad:
     where: str = ""
     takes: tuple[Take, ...] = ()
     flux: Callable[[Mapping[str, Signal]], Signal] | None = None
+    cycle: Signal | None = None
 
     @property
     def follows_temperature(self) -> bool:
@@ -319,7 +320,9 @@ def _load(owner: Tree, prefix: str, name: str, load: HeatLoad, names: Names) -> 
     key = f"loads.{name}"
     node = names.end(owner, prefix, load.into, key)
     sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
-    return FlatLoad(prefix + name, node, sensor, {f: f"{prefix}{name}.{f}" for f in load.fields}, load.curve, owner.where(key))
+    fields = {f: f"{prefix}{name}.{f}" for f in load.fields}
+    cycle = load.cycle.signal() if load.cycle is not None else None
+    return FlatLoad(prefix + name, node, sensor, fields, load.curve, owner.where(key), cycle=cycle)
 
 
 def _check_slots(flat: Flat) -> None:

@@ -403,6 +403,9 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     loads = {}
     for n, load in model.loads.items():
         table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
+        if load.cycle is not None:
+            times = [f"{t!r} [s]" for t in load.cycle.times]
+            table["cycle"] = {"times": times, "values": list(load.cycle.values)} | ({"hold": True} if load.cycle.hold else {})
         for control in CONTROLS:
             if control in table and load.sensor:
                 table[control]["sensor"] = load.sensor

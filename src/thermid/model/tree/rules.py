@@ -21,6 +21,10 @@ from thermid.model.tree.tree import Tree
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
+SINGLY: Final = 2
+"""Up to so many values of one kind are remarked upon one by one."""
+READINGS: Final = ("psi_JT", "psi_JB")
+"""Values that only tables of results use: what a reading of a package's top or board adds to its temperature per watt."""
 ROOM: Final = 293.15
 """Temperature at which a table of power is read for a rate. [K]"""
 
@@ -98,7 +102,8 @@ class _View:
         f = {name: self.values[path] for name, path in load.fields.items()}
         if load.curve is not None:
             return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([ROOM]))[0])
-        return float(f["power"] * f.get("periodic.duty", 1.0))
+        cycle = load.cycle.mean_over(0.0, load.cycle.cycle or 1.0) if load.cycle is not None else 1.0
+        return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
 
     def _conducting(self) -> list[FlatConductor]:
         return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
@@ -175,7 +180,7 @@ def _paths(view: _View) -> Iterator[Finding]:
         if rate == 0.0:
             yield Finding("warning", group[0].where, f"{head}: the heat that is there stays there.")
             continue
-        constant = all(x.curve is None and set(x.fields) == {"power"} for x in loads)
+        constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
         yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Join it to a boundary.")
 
@@ -191,11 +196,22 @@ def _loads(view: _View) -> Iterator[Finding]:
 
 
 def _shadowed(view: _View) -> Iterator[Finding]:
-    """A value that another one hides."""
-    for path, entry in view.flat.parameters.table.items():
-        if entry.shadowed:
+    """A value that another one hides; a value of an element that stands where it is used hides nothing."""
+    made = tuple(f"{prefix}{name}." for owner, prefix in view.model.walk() for name, part in owner.submodels.items() if part.made)
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    table = view.flat.parameters.table
+    for path, entry in table.items():
+        if entry.shadowed and not (path.startswith(made) and len(entry.shadowed) == 1):
             hidden = ", ".join(f"{text} of {origin}" for origin, text in reversed(entry.shadowed))
-            yield Finding("note", entry.where, f"'{path}' is {entry.parameter.text}, set by {entry.origin}; it hides {hidden}.")
+            groups.setdefault((entry.origin, hidden, path.rpartition(".")[2]), []).append(path)
+    for (origin, hidden, _), paths in groups.items():
+        first = table[paths[0]]
+        if len(paths) <= SINGLY:
+            yield from (
+                Finding("note", table[p].where, f"'{p}' is {table[p].parameter.text}, set by {origin}; it hides {hidden}.") for p in paths
+            )
+            continue
+        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they hide {hidden}.")
 
 
 def _ties(view: _View) -> Iterator[Finding]:
@@ -204,13 +220,19 @@ def _ties(view: _View) -> Iterator[Finding]:
     known = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
     shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     where = view.model.where("")
+    apart: dict[str, list[str]] = {}
     for paths, one in known.items():
         if one.why == APART:
-            yield Finding("note", where, f"{quoted(list(paths))}: set for this instance; its twins have another value.")
+            apart.setdefault(_ending(tuple(p.partition(".")[2] for p in paths)), []).extend(paths)
         elif len(paths) > 1:
             field = _ending(paths)
             places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
             shared.setdefault((one.why, places), []).append(field.lstrip("."))
+    for paths_ in apart.values():
+        if len(paths_) <= SINGLY:
+            yield from (Finding("note", where, f"'{p}': set for this instance; its twins have another value.") for p in paths_)
+        else:
+            yield Finding("note", where, f"{quoted(paths_)}: set for each of these instances; their twins have other values.")
     for (why, places), fields in shared.items():
         values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
         yield Finding(
@@ -243,7 +265,7 @@ def _unused(view: _View) -> Iterator[Finding]:
         used |= new
         todo += new
     for path, where in declared.items():
-        if path not in used:
+        if path not in used and path.rpartition(".")[2] not in READINGS:
             yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.")
 
 
@@ -261,6 +283,16 @@ def _fractions(view: _View) -> Iterator[Finding]:
             if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
                 message = f"an exponent of {view.values[path]:g} is not one of natural convection, which has 1/4 or 1/3."
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
+
+
+def _ranges(view: _View) -> Iterator[Finding]:
+    """A formula outside the range in which its source vouches for it."""
+    for c in view.flat.conductors:
+        if c.kind == "spreading":
+            source, plate, thickness = (view.values[c.fields[f]] for f in ("source_area", "plate_area", "thickness"))
+            if source > 0.25 * plate or thickness < 0.1 * (plate / np.pi) ** 0.5:
+                what = "the source is above a quarter of its plate, or the plate thinner than a tenth of its radius"
+                yield Finding("warning", c.where, f"'{c.path}': {what}: the formula is up to 30 % off. Split the plate into nodes.")
 
 
 def _absorptances(view: _View) -> Iterator[Finding]:
@@ -349,6 +381,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _unused,
     _fractions,
     _absorptances,
+    _ranges,
     _shadowed,
     _ties,
     _test_only,

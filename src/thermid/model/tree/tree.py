@@ -33,16 +33,18 @@ class Submodel(Generic[Part]):
     bind : dict         Need of the part -> path of a node of the user.
     definition : str    Hash of its deck as it was read, see `identity.definition_of`; instances of one definition share their values.
     sees : dict         Need -> path of the node that the part's surfaces see there, where that is not the one it is bound to.
+    made : str          Group of the deck whose element this part is, such as `packages`; empty for a deck of its own.
     """
 
     model: Part
     bind: Mapping[str, str] = field(default_factory=dict)
     definition: str = ""
     sees: Mapping[str, str] = field(default_factory=dict)
+    made: str = field(default="", compare=False)
 
     def with_model(self, model: M) -> Submodel[M]:
         """Return the same part in another state."""
-        return Submodel(model, self.bind, self.definition, self.sees)
+        return Submodel(model, self.bind, self.definition, self.sees, self.made)
 
     def bound(self) -> dict[str, str | dict[str, str]]:
         """Return the bindings as a deck writes them."""
@@ -109,7 +111,7 @@ class Tree:
     box: str = "light grey"
     use: str = ""
     file: str = field(default="", compare=False)
-    lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
+    lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
 
     def __str__(self) -> str:
         """One line: what it is made of and what it needs."""

@@ -31,9 +31,12 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "flow": ("flow", "one-way flow"),
     "lead": ("solid", "lead"),
     "heat_pipe": ("mixed", "heat pipe"),
+    "bolted": ("solid", "bolted joint"),
+    "wedge_lock": ("solid", "wedge lock"),
+    "spreading": ("solid", "spreading"),
     "table": ("mixed", "table"),
 }
-"""Kind of conductor -> style of its line, and what the legend calls it; any other kind is solid, under its own name."""
+"""Kind of conductor -> style of its line, and what the legend calls it. Every kind has one."""
 LEAD_LOSS = ("dashed", "heat loss of a lead")
 STYLE = """
 .thermid-diagram{--d-ink:#1c2430;--d-soft:#5a6675;--d-paper:#fff;--d-box:#eef2f6;--d-edge:#b5c0cc;--d-mass:#dbe7f3;--d-mass-edge:#4a6f96;
@@ -198,7 +201,7 @@ def _rails_y(plan: DiagramLayout, wire: Wire) -> float:
 
 def _style(c: FlatConductor) -> tuple[str, str]:
     """Return the style of a conductor's line and its text in the legend; what a lead loses on its way has its own."""
-    return LEAD_LOSS if c.kind == "lead" and c.recipe is not None else STYLES.get(c.kind, ("solid", c.kind.replace("_", " ")))
+    return LEAD_LOSS if c.kind == "lead" and c.recipe is not None else STYLES[c.kind]
 
 
 def _wire(plan: DiagramLayout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:

@@ -110,6 +110,8 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
             command = multiplied(command, load.flux(scenario.boundaries))
         if "periodic.period" in load.fields:
             command = multiplied(command, _square(load.fields, numbers.values, load.where))
+        if load.cycle is not None:
+            command = multiplied(command, load.cycle)
         watts = scenario.loads.get(load.path)
         if watts is not None:
             if load.curve is not None:
@@ -125,7 +127,7 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
             period = value_of(numbers.values[load.fields["sine.period"]])
             wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
             square = _square(load.fields, numbers.values, load.where) if "periodic.period" in load.fields else Constant(1.0)
-            out[f"sine {load.path}"] = multiplied(wave, square)
+            out[f"sine {load.path}"] = multiplied(wave, square, load.cycle or Constant(1.0))
     return out
 
 

@@ -1,0 +1,375 @@
+"""Decks of SINDA and ESATAN: what is read is the network, what is not is named with its line, fitted numbers go back into the same file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import DeckError
+from thermid.interop.decks import network_file
+from thermid.interop.decks.esatan import read_esatan
+from thermid.interop.decks.network_file import NetworkFile
+from thermid.interop.decks.results import balance, sinda_print
+from thermid.interop.decks.sinda import read_sinda
+
+SIGMA = 5.670374419e-8
+SINDA = """HEADER OPTIONS
+C    TDUNITS,   Temp       = C
+HEADER CONTROL DATA, GLOBAL
+    abszro = -273.15
+    sigma  = 5.670374419e-08
+    timend  = 3600.
+    UID =    SI
+HEADER REGISTER DATA
+      COND = 0.25 $ of the strap
+      HALF = COND/2
+HEADER NODE DATA, BOX
+      1,    20.,    150.      $ lid
+      2,    20.,    -1.0      $ a node without mass
+      GEN 10, 3, 5, 20., 40.
+      SIV 30, 20., A7, 2.
+HEADER NODE DATA, SPACE
+      -1,   -270.,    0.
+HEADER ARRAY DATA, BOX
+      7 = 0., 100.,
+          100., 200.
+      1 =
+          0., 600.
+          1200.
+      2 =
+          0., 1., 0.
+HEADER CONDUCTOR DATA, BOX
+      1,    BOX.1,    BOX.2,    COND
+      2,    2,    10,    2.*HALF
+C Contact - Face Contactor-Board to wall[BOX][1]::A1
+      3,    BOX.10,    SPACE.1,    0.05
+      4,    BOX.15,    SPACE.1,    0.07
+      GEN 5, 2, 1, BOX.10, 5, BOX.15, 5, 0.3D0
+      7,    BOX.20,    BOX.30,    1.E-1
+      -8,    BOX.1,    SPACE.1,    0.02
+HEADER VARIABLES 0, BOX
+C Heat Load-chips[BOX]::B2
+      BOX.Q10 = BOX.Q10 + 2.5
+      BOX.Q30 = BOX.Q30 + 0.5*2.
+      IF( NSOL .GT. 1 ) THEN
+C Heat Load-radio[BOX]::B3
+          CALL DA11MC(1200.,TIMEM,A1,A2,1.,Q__TD)
+          BOX.Q20 = BOX.Q20+ Q__TD *4.
+      ELSE
+C Heat Load-radio[BOX]::B3
+          BOX.Q20 = BOX.Q20+0.5*4.
+      ENDIF
+"""
+HEATER = """HEADER VARIABLES 1, BOX
+C
+C Heater[BOX]::343
+C
+      HY343 = 3.
+      PO343 = 3.
+      IF( NSOL .LE. 1 ) THEN
+          T__TD =   1. * BOX.T1
+          O__TD = 5. $ ON TEMP
+          F__TD = 9. $ OFF TEMP
+          BOX.Q1 = BOX.Q1 + PO343 * 1.
+      ELSE
+          T__TD =   1. * BOX.T1
+          O__TD = 5. $ ON TEMP
+          F__TD = 9. $ OFF TEMP
+          IF( T__TD .LT. O__TD .OR.
+     +       (HT343 .EQ. 1 .AND. T__TD .LT. F__TD ) ) THEN
+              BOX.Q1 = BOX.Q1 + PO343 * 1.
+          ENDIF
+      ENDIF
+"""
+ESATAN = """$MODEL UNIT
+$LOCALS
+  $REAL
+  k = 180.0D0; t = 0.003;   # W/(m K), m
+  area = 0.2 * t;
+$NODES
+D1 = 'board', T = 25.0, C = 300.0, QI = 6.0;
+D2 = 'foil', T = 25.0;
+X7 = 'unused', T = 0.0;
+B99 = 'wall', T = 10.0;
+  $MODEL LID
+  $NODES
+  D1 = 'lid', T = 25.0,
+     C = 120.0, EPS = 0.8;
+  $CONDUCTORS
+  $ENDMODEL LID
+$CONDUCTORS
+GL(1, 2) = area / 0.4 * k;
+GL(2, 99) = 0.5;
+GL(1, LID:1) = 0.2;
+GR(LID:1, 99) = 0.01;
+GL(1, 7) = 3.0;
+$ARRAYS
+$REAL
+TIMES(3) = 0.0, 300.0, 600.0;
+FLUX(3) = 0.0, 100.0, 0.0;
+$VARIABLES1
+  QA99 = 0.0
+  QE2 = INTCYC(TIMEM, TIMES, FLUX, 1, 600.0, 0.0D0) * area
+  CALL MYSUB(T1)
+$EXECUTION
+  TIMEND = 1200.0
+  CALL SLCRNC
+$ENDMODEL UNIT
+"""
+
+
+def read_network(path: Path) -> NetworkFile:
+    return read_esatan(path) if b"$MODEL" in path.read_bytes() else read_sinda(path)
+
+
+def _write(folder: Path, name: str, text: str) -> Path:
+    (folder / name).write_bytes(text.encode("latin-1"))
+    return folder / name
+
+
+@pytest.fixture
+def sinda(tmp_path: Path) -> Path:
+    return _write(tmp_path, "case.inp", SINDA)
+
+
+@pytest.fixture
+def esatan(tmp_path: Path) -> Path:
+    return _write(tmp_path, "unit.d", ESATAN)
+
+
+def test_a_sinda_deck_is_the_network_that_it_says(sinda: Path) -> None:
+    network = read_network(sinda)
+    assert [f"{n.submodel}.{n.name}" for n in network.nodes if not n.held] == [f"BOX.T{k}" for k in (1, 2, 10, 15, 20, 30)]
+    assert network.groups() == {"contact_board_to_wall_a1": 2}
+    assert (network.duration, [r for r in network.remarks if r.dropped]) == (3600.0, [])
+    settled = td.steady(network.model(), replace(network.scenario(), loads={}))
+    t = {n: settled[f"BOX.T{n}"] for n in (1, 2, 10, 15, 20, 30)}
+    space = 3.15
+    lid = 0.02 * SIGMA * (t[1] ** 4 - space**4)
+    assert 0.25 * (t[2] - t[1]) == pytest.approx(lid, rel=1e-9)  # conductor 1, through the register
+    assert 0.25 * (t[10] - t[2]) == pytest.approx(lid, rel=1e-9)  # conductor 2, arithmetic of registers
+    assert 0.3 * (t[20] - t[15]) == pytest.approx(2.0 + 1.0, rel=1e-9)  # GEN; the steady branch of the radio
+    assert 0.1 * (t[30] - t[20]) == pytest.approx(1.0, rel=1e-9)
+    assert lid + 0.05 * (t[10] - space) + 0.07 * (t[15] - space) == pytest.approx(2.5 + 1.0 + 2.0, rel=1e-9)
+
+
+def test_courses_and_tables_of_a_sinda_deck_run(sinda: Path) -> None:
+    network = read_network(sinda)
+    case = network.scenario()
+    (radio,) = case.loads.values()
+    assert [radio.at(t) for t in (0.0, 300.0, 600.0, 1500.0)] == pytest.approx([0.0, 2.0, 4.0, 2.0])
+    run = td.simulate(network.model(), case, every="60 [s]")
+    (curve,) = (node.capacitance for node in network.nodes if node.name == "T30")
+    assert isinstance(curve, dict)
+    assert (curve["mass"], curve["specific_heat"]["points"]) == (
+        "2.0 [kg]",
+        [["0.0 [degC]", "100.0 [J/(kg K)]"], ["100.0 [degC]", "200.0 [J/(kg K)]"]],
+    )
+    assert run.heat_balance().relative < 1e-9
+
+
+def test_a_heater_of_thermal_desktop_is_a_thermostat(tmp_path: Path) -> None:
+    network = read_network(_write(tmp_path, "case.cc", SINDA + HEATER.replace("= 3.", "= 300.")))
+    (heater,) = (load for load in network.loads if load.more)
+    assert heater.more["thermostat"] == {"sensor": "BOX.T1", "on_below": "5.0 [degC]", "off_above": "9.0 [degC]"}
+    assert [r for r in network.remarks if r.dropped] == []
+    run = td.simulate(network.model(), replace(network.scenario(), duration=36_000.0), every="60 [s]")
+    assert run["BOX.T1"].at(36_000.0) > 4.9
+
+
+def test_english_units(tmp_path: Path) -> None:
+    text = """HEADER OPTIONS
+C    TDUNITS,   Energy     = BTU
+C    TDUNITS,   Time       = hr
+C    TDUNITS,   Temp       = F
+HEADER NODE DATA, A
+  1, 68., 10.
+  -2, 32., 0.
+HEADER CONDUCTOR DATA, A
+  1, 1, 2, 2.
+HEADER SOURCE DATA, A
+  1, 100.
+"""
+    network = read_network(_write(tmp_path, "english.inp", text))
+    settled = td.steady(network.model(), network.scenario())
+    assert settled["A.T1"] - 273.15 == pytest.approx(50.0 * 5.0 / 9.0, abs=1e-9)  # 100 BTU/h over 2 BTU/(h F): 50 F above 32 F
+    run = td.simulate(network.model(), replace(network.scenario(), loads={"A_Q1": "0 [W]"}, duration=36_000.0), every="1 [h]")
+    assert run["A.T1"].at(18_000.0) == pytest.approx(20.0 * np.exp(-1.0), abs=1e-3)  # 10 BTU/F over 2 BTU/(h F): 5 h
+
+
+def test_an_esatan_deck_is_the_network_that_it_says(esatan: Path) -> None:
+    network = read_network(esatan)
+    assert [n.path for n in network.nodes] == ["UNIT.T1", "UNIT.T2", "UNIT_T99", "UNIT_LID.T1"]
+    assert [str(r).split(": ", 1)[1] for r in network.remarks] == [
+        "logic not taken over: 'CALL MYSUB(T1)'",
+        "STEFAN is not set; ESATAN's 5.6686e-08 W/(m^2 K^4) is assumed",
+    ]
+    assert str(network).startswith("INCOMPLETE: 1 statement not taken over\n")
+    model = network.model()
+    settled = td.steady(model, network.scenario())
+    board, foil, lid, wall = (settled[n] for n in ("UNIT.T1", "UNIT.T2", "UNIT_LID.T1", "UNIT_T99"))
+    assert 0.27 * (board - foil) == pytest.approx(0.5 * (foil - wall), rel=1e-9)  # 0.2 * 0.003 / 0.4 * 180
+    assert 0.2 * (board - lid) == pytest.approx(0.01 * 5.6686e-8 * (lid**4 - wall**4), rel=1e-9)
+    assert 0.5 * (foil - wall) + 0.2 * (board - lid) == pytest.approx(6.0, rel=1e-9)
+    assert td.steady(model.with_values({"k": 90.0}), network.scenario())["UNIT.T1"] > board + 1.0  # a local is a parameter
+    course = network.scenario().commands["UNIT_QE_T2"]
+    assert [course.at(t) for t in (0.0, 150.0, 300.0, 750.0)] == pytest.approx([0.0, 50.0, 100.0, 50.0])
+
+
+def test_a_boundary_follows_its_array(esatan: Path) -> None:
+    text = ESATAN.replace("  QA99 = 0.0\n", "  T99 = INTCYC(TIMEM, TIMES, FLUX, 1, 600.0, 0.0D0)\n")
+    case = read_network(_write(esatan.parent, "swing.d", text)).scenario()
+    assert [case.boundaries["UNIT_T99"].at(t) - 273.15 for t in (0.0, 150.0, 450.0)] == pytest.approx([0.0, 50.0, 50.0])
+
+
+def test_what_is_saved_is_what_was_read(sinda: Path, esatan: Path, tmp_path: Path) -> None:
+    for file in (sinda, esatan):
+        network = read_network(file)
+        model = network.model()
+        (tmp_path / file.stem).mkdir()
+        td.save_model(model, tmp_path / file.stem / "deck.toml")
+        assert td.load_model(tmp_path / file.stem / "deck.toml") == model
+
+
+def test_fitted_numbers_go_back_and_nothing_else_changes(sinda: Path) -> None:
+    network = read_network(sinda)
+    model = network.model().with_values({"contact_board_to_wall_a1": 2.0, "cond": 0.3})
+    ((file, text),) = network.written_back(model).items()
+    assert file == str(sinda)
+    before, after = SINDA.splitlines(), text.splitlines()
+    changed = {old.strip(): new.strip() for old, new in zip(before, after, strict=True) if old != new}
+    assert changed == {
+        "COND = 0.25 $ of the strap": "COND = 0.3 $ of the strap $ fitted, was 0.25",
+        "3,    BOX.10,    SPACE.1,    0.05": "3,    BOX.10,    SPACE.1,    0.1 $ fitted, was 0.05",
+        "4,    BOX.15,    SPACE.1,    0.07": "4,    BOX.15,    SPACE.1,    0.14 $ fitted, was 0.07",
+    }
+    again = read_network(_write(sinda.parent, "again.inp", text)).model()
+    one, other = (td.steady(m, replace(network.scenario(), loads={})) for m in (model, again))
+    assert max(abs(one[n] - other[n]) for n in one.keys()) < 1e-9
+    assert network.written_back(network.model()) == {}
+
+
+def test_esatan_numbers_go_back_with_line_ends_as_they_were(tmp_path: Path) -> None:
+    file = _write(tmp_path, "unit.d", ESATAN.replace("\n", "\r\n"))
+    network = read_network(file)
+    ((_, text),) = network.written_back(network.model().with_values({"k": 150.0})).items()
+    assert text == ESATAN.replace("\n", "\r\n").replace(
+        "k = 180.0D0; t = 0.003;   # W/(m K), m", "k = 150; t = 0.003;   # W/(m K), m # fitted, was 180.0D0"
+    )
+
+
+def test_the_balance_at_printed_temperatures(sinda: Path) -> None:
+    network = read_network(sinda)
+    settled = td.steady(network.model(), replace(network.scenario(), loads={}))
+    rows = [f"   T {n.name[1:]:>7}= {settled[n.path] - 273.15:9.4f}    " for n in network.nodes if not n.held]
+    out = _write(sinda.parent, "case.out", " SUBMODEL NAME = BOX\n" + "".join(rows) + "\n SUBMODEL NAME = SPACE\n   T       1= -270.00\n")
+    closed = balance(network, network.celsius(sinda_print(out)[-1]), digit=1e-4)
+    assert closed.open() == {}
+    off = dict(network.celsius(sinda_print(out)[-1]))
+    off["BOX.T30"] += 1.0
+    assert balance(network, off, digit=1e-4).open() == pytest.approx({"BOX.T20": -0.1, "BOX.T30": 0.1}, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("HEADER NODE DATA, A\n  1, 20., x9\n", r"bad.inp:2: 'x9' is not defined before it is used"),
+        ("HEADER NODE DATA, A\n  1, 20.\n", r"bad.inp:2: '1, 20.' is no node"),
+        ("HEADER NODE DATA, A\n  1, 20., 1.\nHEADER CONDUCTOR DATA, A\n 1, 1, 5, 2.\n", r"bad.inp:4: conductor A_G1 names node A.T5"),
+        ("HEADER NODE DATA, A\n  1, 20., 1.\nINSERT bad.inp\n", r"bad.inp -> bad.inp"),
+        ("HEADER NODE DATA, A\n  1, 20., 1.\nHEADER CONDUCTOR DATA, A\n 1, 1, 2.\n", r"bad.inp:4: '1, 1, 2.' is no conductor"),
+        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0\n$ENDMODEL\n", r"bad.inp:3: .* a semicolon is missing"),
+        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0;\n", r"the file is cut off"),
+        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0, C = __import__('os').system('x');\n$ENDMODEL\n", r"bad.inp:3: "),
+        ("$MODEL A\n$INCLUDE 'bad.inp'\n$ENDMODEL\n", r"include each other without end"),
+        ("deck of nobody\n", r"no HEADER NODE DATA"),
+        ("HEADER NODE DATA\0", r"binary file"),
+    ],
+)
+def test_bad_files_are_refused_with_file_and_line(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(DeckError, match=words):
+        read_network(_write(tmp_path, "bad.inp", text)).model()
+
+
+def test_a_file_beyond_every_deck_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thermid.interop.decks.statements.LARGEST", 100)
+    with pytest.raises(DeckError, match="a deck has some hundred kB"):
+        read_network(_write(tmp_path, "big.inp", SINDA))
+    assert network_file.LARGEST == 50_000_000
+
+
+def test_logic_is_named_and_not_guessed(tmp_path: Path) -> None:
+    text = SINDA + "HEADER VARIABLES 1, BOX\n      IF(T1 .GT. 5.) G1 = 3.\nHEADER FLOW DATA, LOOP\n      LU JUNC,1\nINSERT heat.hra\n"
+    remarks = [str(r) for r in read_network(_write(tmp_path, "case.inp", text)).remarks]
+    last = len(text.splitlines())
+    assert remarks == [
+        f"case.inp:{last}: INSERT heat.hra: there is no file 'heat.hra' in {tmp_path.name}.",
+        f"case.inp:{last - 3}: logic not taken over (line): 'IF(T1 .GT. 5.) G1 = 3.'",
+        f"case.inp:{last - 1}: FLUINT (fluid submodels): 1 line",
+    ]
+
+
+PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
+SHA = {
+    "bpar907/APSS-2-Thermal-TXRX/case0.cc": "595976262a34c2c2bc118b143d8a87c12484fbae092f1fa545d7e175b9e62cc3",
+    "oresat/oresat-thermal/OreSat0.5/case0.cc": "1c9075ed7f0441ac4720e3c1a647fa268120a0a51313df8e2bd4a29b0c56c85f",
+    "mlauryn/EsatanOpt/Radiator/radiator.d": "e784683c76b0daefbf6fcf7335faef5ead285ad40de79987dbb4f0bd7ba7ceeb",
+}
+
+
+def _public(name: str) -> Path:
+    file = PUBLIC / name
+    if not file.is_file():
+        pytest.skip(f"{name} is not under THERMID_PUBLIC")
+    assert hashlib.sha256(file.read_bytes()).hexdigest() == SHA[name]
+    return file
+
+
+def test_a_deck_of_thermal_desktop_against_sindas_own_print() -> None:
+    folder = _public("bpar907/APSS-2-Thermal-TXRX/case0.cc").parent
+    network = read_network(folder / "case0.inp")
+    assert (len(network.nodes), len(network.conductors)) == (127, 2520)
+    printed = network.celsius(sinda_print(folder / "case0.out")[-1])
+    settled = td.steady(network.model(), network.scenario())
+    paths = {f"{n.submodel}.{n.name}": n.path for n in network.nodes}
+    assert max(abs(settled[paths[n]] - 273.15 - t) for n, t in printed.items()) < 0.0055  # the print has two digits
+    assert balance(network, printed).open() == {}
+
+
+def test_heating_rates_in_a_binary_file_are_missed_node_by_node() -> None:
+    folder = _public("oresat/oresat-thermal/OreSat0.5/case0.cc").parent
+    network = read_network(folder / "case0.inp")
+    assert (len(network.nodes), len(network.conductors)) == (659, 12_426)
+    assert any("LOADQ" in str(r) for r in network.remarks if r.dropped)
+    missed = balance(network, network.celsius(sinda_print(folder / "case0.out")[-1]))
+    assert len(missed.open()) == 308
+    assert str(missed).startswith("NOT CLOSED: at the printed temperatures 308 of 658 nodes")
+
+
+def test_esatans_cycle_within_its_own_convergence() -> None:
+    file = _public("mlauryn/EsatanOpt/Radiator/radiator.d")
+    printed = {
+        10: (7.01, 10.22),
+        20: (1.46, 4.78),
+        30: (2.98, 6.24),
+        40: (0.46, 3.87),
+        50: (2.98, 6.24),
+        60: (0.46, 3.87),
+        70: (-4.01, 0.35),
+    }
+    network = read_network(file)
+    run = td.simulate(network.model(), replace(network.scenario(), start="periodic", initial={}), every="20 [s]")
+    off = [
+        abs(a - b)
+        for n, pair in printed.items()
+        for a, b in zip((run[f"RADIATOR.T{n}"].lowest, run[f"RADIATOR.T{n}"].highest), pair, strict=True)
+    ]
+    assert max(off) < 2 * 0.0556  # its last cycle still moved by 0.0556 K
+    assert re.fullmatch(r"radiator", network.title)
