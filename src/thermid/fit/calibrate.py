@@ -693,7 +693,24 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
+    _refuse_without_errors(request, problem, errors.total)
     return with_discrepancy(summarise(request, problem, found, errors, random, spread))
+
+
+def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:
+    """Refuse a fit in which a variance comes out below zero: readings hardly depend on that value.
+
+    Raises
+    ------
+    IdentificationError   Names the value.
+    """
+    lost = [u.name for u, variance in zip(problem.unknowns, np.diag(total), strict=True) if not variance >= 0.0]
+    if lost:
+        raise IdentificationError(
+            f"at the end of the fit hardly any reading depends on {listed(lost)}, so no error can be given. Fix one of its parameters, or "
+            "give it a prior.",
+            request.name or request.model.title,
+        )
 
 
 @contextmanager
