@@ -26,10 +26,12 @@ from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.store import Store, graft
 from thermid.measure import Record
+from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
+from thermid.power.courses import SHAPES, recovered
 from thermid.simulation.scenarios.scenario import STEADY, Scenario
 from thermid.toml_files import resolve_inside
 
@@ -58,7 +60,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     prior = [p for p in moving if store.states[p].acts and store.states[p].known and store.rows([p]).any()]
     free, frozen = freed(model, stage.free, stage.freeze, where, prior)
     prior = [p for p in prior if p not in frozen]
-    return Request(
+    asked = Request(
         model,
         records,
         tuple(free),
@@ -81,6 +83,27 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
         accepted=stage.name in source.accepted,
     )
+    return with_courses(asked, stage, where)
+
+
+def with_courses(request: Request, stage: StageTable, where: str) -> Request:
+    """Return a stage's request with the courses of unlogged powers that its table asks for, their shapes and times where they fit best.
+
+    Raises
+    ------
+    DeckError   When a course has the name of a load.
+    """
+    for name, table in stage.courses.items():
+        if name in request.model.loads:
+            raise DeckError(f"'{name}' is a load of the deck; a course adds to it under a name of its own.", f"{where}.courses.{name}")
+        shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
+        course = recovered(request, name, table.into, shapes=shapes, power=literal(table.power, "W", f"{where}.courses.{name}.power"))
+        request = course.within(request)
+        error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
+        said = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
+        held = "errors of other values hold for that time"
+        request = replace(request, remarks=(*request.remarks, f"{said}, on the profile of the fit; {held}."))
+    return request
 
 
 def _from_below(

@@ -178,11 +178,13 @@ class MissingElement:
     name : str          What it is, in words.
     request : Request   The fit with it.
     judge : callable    Says what was found and whether it is possible.
+    chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
     """
 
     name: str
     request: Request
     judge: Judge
+    chosen: int = 0
 
 
 @dataclass(frozen=True)

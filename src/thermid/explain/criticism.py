@@ -11,6 +11,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import MissingElement, missing_elements
+from thermid.explain.heats import unlogged_powers
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
 from thermid.linear_algebra import Array
@@ -286,7 +287,7 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
         return Criticism(fit.stage, traces, ())
     modes: Modes = {}
     old = _likelihood(fit, modes)
-    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)]
+    tried = [_tried(fit, old, m, modes) for m in (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))]
     return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
 
 
@@ -343,7 +344,7 @@ def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, mo
     except ThermidError as error:
         return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
     gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
-    added = max(len(found.fitted) - len(fit.fitted), 1)
+    added = max(len(found.fitted) - len(fit.fitted), 1) + missing.chosen
     evidence = gain - added * np.log(max(count, 2.0))
     return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found)
 

@@ -8,8 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from thermid.explain.candidates import laid_open
+from thermid.errors import ThermidError
+from thermid.explain.candidates import MissingElement, laid_open
 from thermid.explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
+from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import Influence, Unknown
@@ -19,13 +21,19 @@ from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.flat import FlatConductor
+from thermid.physics.constants import ICE_POINT
+from thermid.power.courses import ONE_TURN, SHAPES, PowerCourse
+from thermid.power.history import watts, with_load
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import prepare
 from thermid.simulation.solution import Solution
+from thermid.units import format_value
 
 PULSES = 20
 """Stretches of a record in which heat is tried; windows are made of whole ones first."""
 PLACED = "unlogged_heat_"
+MANY = 3
+"""Most nodes and loads at which a course of an unlogged power is tried."""
 TURNS = 3
 """How often a window is looked for again, from where the last one led."""
 OWN = 0.3
@@ -63,7 +71,8 @@ class Heat:
     span: float
 
     @property
-    def _when(self) -> str:
+    def when(self) -> str:
+        """When it acts, in words."""
         first, last = self.window
         begins, ends = first > 0.01 * self.span, last < 0.99 * self.span
         if not (begins or ends):
@@ -77,10 +86,10 @@ class Heat:
         if self.load:
             return f"the deck's power of '{self.load}', which no log gives, was {100 * (1 + amount):.0f} % of it"
         if self.kind == "fan":
-            what = f"{short(1 + amount)} times as strong {self._when}"
+            what = f"{short(1 + amount)} times as strong {self.when}"
             return f"heat left to '{self.name}' {what}: a fan, a door, a draught, or a cover taken off"
         more = "more" if amount > 0 else "less"
-        return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck say, {self._when}"
+        return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck say, {self.when}"
 
     def remedy(self, amount: float) -> str:
         """Return what to change."""
@@ -89,7 +98,7 @@ class Heat:
             return f"Log it, or say in the scenario what it was: loads = {{ {self.load} = '... [W]' }}."
         if self.kind == "fan":
             return f"Fit that part alone: prepare = [{{ trim = ['{first:.0f} [s]', '{last:.0f} [s]'] }}], or log what moved the air."
-        return f"Which heater or unit is on there? Log its power, or recover it: power = {{ node = '{self.name}' }} of the stage."
+        return "Which heater or unit is on there? Log its power; 'thermid criticise' proposes its course."
 
     def fitted(self, fit: RoughFit, known: Mapping[str, float], rounds: int, fresh: bool = False) -> RoughEnd:
         """Return the end of the rough fit with this heat; `fresh` starts from the deck too."""
@@ -251,10 +260,10 @@ class Pulses:
             amount = known.get(f"{PLACED}amount", 0.0)
             inside = np.clip(np.minimum(self.edges[1:], heat.window[1]) - np.maximum(self.edges[:-1], heat.window[0]), 0.0, None)
             share = inside / np.diff(self.edges)
-            for node, (times, watts) in heat.flows.items():
+            for node, (times, power) in heat.flows.items():
                 if node in self.nodes:
                     n = self.nodes.index(node)
-                    given[n * PULSES : (n + 1) * PULSES] = amount * share * np.interp(self.middles, times, watts)
+                    given[n * PULSES : (n + 1) * PULSES] = amount * share * np.interp(self.middles, times, power)
         begun = {u.name: known[u.name] for u in self.rough.problem.unknowns[: self.free] if u.name in known}
         x = self.rough.start(begun)
         x[self.free :] = given
@@ -273,10 +282,10 @@ class Pulses:
     def shape(self, pulses: Array, flows: Mapping[str, tuple[Array, Array]]) -> Array:
         """Return the answers (rows, stretches) to heat of some course in each stretch."""
         out = np.zeros((pulses.shape[0], PULSES))
-        for node, (times, watts) in flows.items():
+        for node, (times, power) in flows.items():
             if node in self.nodes:
                 n = self.nodes.index(node)
-                out += pulses[:, n * PULSES : (n + 1) * PULSES] * np.interp(self.middles, times, watts)
+                out += pulses[:, n * PULSES : (n + 1) * PULSES] * np.interp(self.middles, times, power)
         return out
 
     def windows(self, heat: Heat, known: Mapping[str, float]) -> list[tuple[float, float]]:
@@ -320,3 +329,102 @@ def best_windows(block: Array, left: Array, sd: float, edges: Array) -> list[tup
             found.append(((cross[b] - cross[a]) ** 2 / square, a, b))
     ends = [max(f for f in found if f[2] == count), max(found)]
     return list(dict.fromkeys((float(edges[a]), float(edges[b])) for _, a, b in ends))
+
+
+def unlogged_powers(request: Request) -> Iterator[MissingElement]:
+    """Yield courses of a power that no log gives: a start-up transient, a stretch of more or less, a load that follows a temperature.
+
+    Their shapes and instants are chosen by fits of thinned readings.
+    """
+    request = replace(request, loss="linear")
+    try:
+        fit = RoughFit.of(request)
+        base = fit.solve(fit.start())
+    except ThermidError:
+        return
+    loads = {r.path: r.node for e in fit.problem.experiments for r in e.network.flat.loads}
+    nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
+    started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node)) is not None]
+    if started:
+        yield min(started, key=lambda each: each[0])[1]
+    stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load]
+    ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
+    if ends:
+        yield _stretch(request, min(ends, key=lambda each: each[0])[1])
+    for load in [n for n in loads if n in request.model.loads][:MANY]:
+        if (regulated := _regulated(request, fit, base, load)) is not None:
+            yield regulated
+
+
+def _end(rough: RoughFit, known: Mapping[str, float]) -> RoughEnd | None:
+    try:
+        return rough.best(known, rounds=QUICK)
+    except (ThermidError, np.linalg.LinAlgError):
+        return None
+
+
+def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tuple[float, MissingElement] | None:
+    """Return the best start-up transient at a node with its cost; None where none can be run."""
+    span = min(float(np.ptp(r.times)) for r in request.records)
+    found = []
+    for shape, part in product(SHAPES, np.geomspace(0.015, 0.4, 10)):
+        course = PowerCourse("start_up", node, shape, float(part * span))
+        end = _end(RoughFit.of(course.within(request), fit), fit.named(base))
+        if end is not None:
+            found.append((end.cost, course))
+    if not found:
+        return None
+    cost, course = min(found, key=lambda each: each[0])
+
+    def judge(told: Calibration) -> tuple[str, bool]:
+        power = told["start_up.power"].value
+        return course.words(power), power > 0.0
+
+    kept = f"; keep it by [stages.courses.start_up] with into = '{node}'"
+    return cost, MissingElement(f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, 1)
+
+
+def _stretch(request: Request, heat: Heat) -> MissingElement:
+    """Return a constant power in the window of a heat."""
+    first, last = heat.window
+    times = [t for t in (0.0, first, last) if t == 0.0 or t > 0.0]
+    shares = [0.0, 1.0, 0.0] if first > 0.0 else [1.0, 0.0]
+    cycle = {"times": [f"{t!r} [s]" for t in (times if first > 0.0 else [0.0, last])], "values": shares, "hold": True, "period": ONE_TURN}
+    load = watts(heat.name, power={"value": "0.1 [W]", "min": -1e6}, cycle=cycle)
+    made = replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
+
+    def judge(told: Calibration) -> tuple[str, bool]:
+        power = told["unlogged.power"].value
+        return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
+
+    return MissingElement(f"a power at '{heat.name}' that no log gives, {heat.when}", made, judge, 2)
+
+
+def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
+    """Return a load that follows the temperature of its node, as a proportional heater does; None where it cannot be run."""
+    given = request.model.loads[load]
+    seen = [t for t in fit.traces if t.node == given.into]
+    values = fit.problem.experiments[0].network.flat.parameters.evaluate({})
+    power = float(values.get(f"{load}.power", 0.0))
+    if not seen or power <= 0.0 or set(given.fields) != {"power"}:
+        return None
+    low, high = float(seen[0].measured.min()), float(seen[0].measured.max())
+    tried = []
+    for above in (0.1, 0.5, 1.5):
+        setpoint = high + above * (high - low)
+        gain = power / max(setpoint - 0.5 * (low + high), 0.1)
+        law = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
+        model = with_load(request.model, load, watts(given.into, power=f"{5.0 * power!r} [W]", proportional=law))
+        free = (*(p for p in request.free if p != f"{load}.power"), f"{load}.proportional.gain", f"{load}.proportional.setpoint")
+        made = replace(request, model=model, free=free)
+        end = _end(RoughFit.of(made, fit), fit.named(base))
+        tried += [(end.cost, made)] if end is not None else []
+    if not tried:
+        return None
+
+    def judge(told: Calibration) -> tuple[str, bool]:
+        gain, setpoint = told[f"{load}.proportional.gain"].value, told[f"{load}.proportional.setpoint"].value
+        return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
+
+    name = f"a regulated load: the power of '{load}' follows the temperature of '{given.into}'"
+    return MissingElement(name, min(tried, key=lambda each: each[0])[1], judge)

@@ -220,8 +220,8 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
         return arrived.x, str(arrived), True
     except np.linalg.LinAlgError:
         raise SolverError(
-            "the fit ran to values at which its derivatives are no numbers. Give its parameters min and max, or priors, and look at the log: "
-            "a column, a unit or a node may be wrong.",
+            "the fit ran to values at which its derivatives are no numbers. Give its parameters min and max, or priors. Look at the log "
+            "too: a column, a unit or a node may be wrong.",
             "fit",
         ) from None
     return found.x, found.message, bool(found.success)
