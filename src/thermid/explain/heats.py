@@ -347,7 +347,8 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node)) is not None]
     if started:
         yield min(started, key=lambda each: each[0])[1]
-    stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load]
+    # what begins with the record is a start-up
+    stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load and h.window[0] > 0.0]
     ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
     if ends:
         yield _stretch(request, min(ends, key=lambda each: each[0])[1])
@@ -366,30 +367,33 @@ def _end(rough: RoughFit, known: Mapping[str, float]) -> RoughEnd | None:
 def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tuple[float, MissingElement] | None:
     """Return the best start-up transient at a node with its cost; None where none can be run."""
     span = min(float(np.ptp(r.times)) for r in request.records)
-    found = []
-    for shape, part in product(SHAPES, np.geomspace(0.015, 0.4, 10)):
-        course = PowerCourse("start_up", node, shape, float(part * span))
+
+    def cost(course: PowerCourse) -> float:
         end = _end(RoughFit.of(course.within(request), fit), fit.named(base))
-        if end is not None:
-            found.append((end.cost, course))
-    if not found:
+        return np.inf if end is None else end.cost
+
+    times = np.geomspace(0.015, 0.4, 10) * span
+    best = min((cost(c), k, c) for k, c in enumerate(PowerCourse("start_up", node, s, float(t)) for s, t in product(SHAPES, times)))
+    width = 0.5 * float(np.log(times[1] / times[0]))
+    while width > 0.01:
+        others = [replace(best[2], time=best[2].time * float(np.exp(d))) for d in (-width, width)]
+        best = min(best, *((cost(c), k, c) for k, c in enumerate(others)), key=lambda each: each[0])
+        width *= 0.6
+    least, _, course = best
+    if not np.isfinite(least):
         return None
-    cost, course = min(found, key=lambda each: each[0])
 
     def judge(told: Calibration) -> tuple[str, bool]:
         power = told["start_up.power"].value
         return course.words(power), power > 0.0
 
     kept = f"; keep it by [stages.courses.start_up] with into = '{node}'"
-    return cost, MissingElement(f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, 1)
+    return least, MissingElement(f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, 1)
 
 
 def _stretch(request: Request, heat: Heat) -> MissingElement:
     """Return a constant power in the window of a heat."""
-    first, last = heat.window
-    times = [t for t in (0.0, first, last) if t == 0.0 or t > 0.0]
-    shares = [0.0, 1.0, 0.0] if first > 0.0 else [1.0, 0.0]
-    cycle = {"times": [f"{t!r} [s]" for t in (times if first > 0.0 else [0.0, last])], "values": shares, "hold": True, "period": ONE_TURN}
+    cycle = {"times": [f"{t!r} [s]" for t in (0.0, *heat.window)], "values": [0.0, 1.0, 0.0], "hold": True, "period": ONE_TURN}
     load = watts(heat.name, power={"value": "0.1 [W]", "min": -1e6}, cycle=cycle)
     made = replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
 
