@@ -31,6 +31,10 @@ COMMANDS = {
         "build.check", "Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."
     ),
     "simulate": Place("build.simulate", "Run a model in a scenario and print where its temperatures go."),
+    "steady": Place(
+        "build.steady_state",
+        "Print where a model settles: temperatures with margins, sorted; with --flows where its heat goes.",
+    ),
     "calibrate": Place(
         "fit.calibrate",
         "Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell.",

@@ -29,7 +29,7 @@ from thermid.cli.options import (
     say,
     scenario_of,
 )
-from thermid.errors import DeckError, OutputError, nearest
+from thermid.errors import DeckError, OutputError, refuse_unknown
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
 from thermid.interop.decks.esatan import read_esatan
@@ -180,8 +180,7 @@ def export(
 ) -> None:
     """Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist."""
     forms = ("octave", "spice")
-    if form not in forms:
-        raise DeckError(f"a model is not written as '{form}'.{nearest(form, forms)} There are {' and '.join(forms)}.", "--as")
+    refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {' and '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, conditions)
@@ -202,8 +201,7 @@ def equations(
 ) -> None:
     """Derive the state equations of a linear model as symbols (needs sympy)."""
     forms = ("text", "latex", "python", "octave")
-    if form not in forms:
-        raise DeckError(f"equations are not written as '{form}'.{nearest(form, forms)} There are {', '.join(forms)}.", "--as")
+    refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
     system = derive.equations(load_model(deck), pairs(name, "--name"))
     text = f"{system}\n" if form == "text" else str(getattr(system, form)())
     _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))

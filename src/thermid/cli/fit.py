@@ -7,7 +7,7 @@ import time
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import typer
 
@@ -49,8 +49,29 @@ Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values f
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
 
 
-class FitProgress:
-    """A line on standard error once a fit takes over two seconds."""
+class ProgressLine:
+    """A line on standard error: a terminal writes each text over the last one and clears it at the end, a file gets the fresh ones."""
+
+    shown = False
+
+    def show(self, text: str, fresh: bool = True) -> None:
+        """Show a text."""
+        self.shown = sys.stderr.isatty()
+        if self.shown or fresh:
+            typer.echo(f"\r\x1b[2K{text}" if self.shown else text, nl=not self.shown, err=True)
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Clear the line."""
+        if self.shown:
+            typer.echo("\r\x1b[2K", nl=False, err=True)
+
+
+class FitProgress(ProgressLine):
+    """How far a fit is, once it takes over two seconds."""
 
     def __init__(self) -> None:
         self._begun = time.monotonic()
@@ -58,26 +79,12 @@ class FitProgress:
         self._last = ""
 
     def __call__(self, stage: str, count: int, rms: float) -> None:
-        """Say how far a stage is."""
+        """Show how far a stage is."""
         now = time.monotonic()
         if now - self._begun < 2.0 or (now - self._shown < 0.5 and stage == self._last):
             return
-        self._shown, fresh = now, stage != self._last
-        self._last = stage
-        text = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
-        if sys.stderr.isatty():
-            typer.echo(f"\r\x1b[2K{text}", nl=False, err=True)
-        elif fresh:
-            typer.echo(text, err=True)
-
-    def __enter__(self) -> FitProgress:
-        """Begin."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Leave the line."""
-        if self._last and sys.stderr.isatty():
-            typer.echo("\r\x1b[2K", nl=False, err=True)
+        self.show(f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage, stage != self._last)
+        self._shown, self._last = now, stage
 
 
 def _run(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
@@ -262,14 +269,12 @@ def hold(
     writable((None if figure is None else check_ending(figure), PICTURE))
     asked = load_hold(question)
     folder = to if to is not None else question.parent / "results"
-    progress = MemberProgress()
-    try:
-        _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
-    except KeyboardInterrupt:
-        done = f"interrupted with {progress.done} of {progress.members} members done"
-        raise SolverError(f"{done}. The same command goes on from there.") from None
-    finally:
-        progress.end()
+    with MemberProgress() as progress:
+        try:
+            _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
+        except KeyboardInterrupt:
+            done = f"interrupted with {progress.done} of {progress.members} members done"
+            raise SolverError(f"{done}. The same command goes on from there.") from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
         picture(answer, figure)
@@ -277,27 +282,18 @@ def hold(
     leave(answer.standing)
 
 
-class MemberProgress:
-    """Members done and time left, on standard error."""
+class MemberProgress(ProgressLine):
+    """Members done and time left."""
 
     def __init__(self) -> None:
         self.done, self.members = 0, 0
         self._begun, self._at = time.monotonic(), -1
 
     def __call__(self, done: int, members: int) -> None:
-        """Say how many members are done."""
+        """Show how many members are done."""
         if self._at < 0:
             self._at = done  # what the folder held took no time
         spent = time.monotonic() - self._begun
         left = f", {spent * (members - done) / (done - self._at):.0f} s left" if self._at < done < members else ""
         self.done, self.members = done, members
-        text = f"{done} of {members} members{left}"
-        if sys.stderr.isatty():
-            typer.echo(f"\r\x1b[2K{text}", nl=False, err=True)
-        else:
-            typer.echo(text, err=True)
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self.members and sys.stderr.isatty():
-            typer.echo("", err=True)
+        self.show(f"{done} of {members} members{left}")

@@ -15,15 +15,19 @@ from thermid.design.planned import Sensor, planned_record, sensors_of
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import role_and_target
+from thermid.fit.problem.experiment import SCALE, role_and_target
 from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
-from thermid.fit.uncertainty.groups import percent
+from thermid.fit.uncertainty.groups import listed, percent
+from thermid.fit.uncertainty.logged_inputs import answers_to_inputs
+from thermid.fit.uncertainty.noise import TraceNoise, score_excess
+from thermid.fit.uncertainty.stretches import binned
 from thermid.knowledge.store import Normal, Source
 from thermid.linear_algebra import Array, variance
 from thermid.measure.amounts import duration_text, short
+from thermid.measure.record.scatter import step_of
 from thermid.model.laws.signal import Constant, Signal, TableSignal, literal
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model
@@ -54,6 +58,8 @@ JOINT = 0.7
 than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
 NAME = "next test"
 DURATIONS = 24
+SEEN = 1e-9
+"""Part of what readings see best from which they see a direction."""
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
 
@@ -176,6 +182,7 @@ class Advice:
     goal : float            Error to be reached; nan without one. [SI]
     options : tuple         The best first.
     beside : dict           Of a prediction: cause -> standard error [K] that it has besides and that these figures leave out.
+    remarks : tuple of str  What the figures take for granted of the noise.
     """
 
     target: str
@@ -185,6 +192,7 @@ class Advice:
     goal: float
     options: tuple[Option, ...]
     beside: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     @property
     def best(self) -> Option:
@@ -213,6 +221,7 @@ class Advice:
         if felt:
             named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
             lines.append(f"  Not in these figures: {named}.")
+        lines += [f"  {remark}" for remark in self.remarks]
         return "\n".join(lines)
 
 
@@ -226,7 +235,9 @@ class Before:
     instruments : Rows      Constant errors of sensors and powers; sources that values respond to as well bear one name.
     readings : dict         Instrument -> its value. [SI]
     held : dict             Name -> information that a prior has brought already, in the fitted form.
-    spread : float          Readings scatter so many times as much as their noise says. [-]
+    spread : float          Readings that do not wander scatter so many times as much as their noise says. [-]
+    noise : dict            Sensor -> how its residuals wandered; the longest trace of each.
+    sizes : dict            Sensor -> the noise in whose squares that is given. [K]
     untie : bool            Whether instances have values of their own.
     thin : bool             Whether it was learnt with thin gas already.
     split : tuple of str    Emissivities that an effective coefficient was split into.
@@ -237,6 +248,8 @@ class Before:
     readings: Mapping[str, float] = field(default_factory=dict)
     held: Mapping[str, float] = field(default_factory=dict)
     spread: float = 1.0
+    noise: Mapping[str, TraceNoise] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
     untie: bool = False
     thin: bool = False
     split: tuple[str, ...] = ()
@@ -316,7 +329,9 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         instruments,
         {n: states[n].value for n in instruments.names},
         {n: s.prior[1] ** -2 for n, s in states.items() if s.prior is not None},
-        max(1.0, fit.reduced_chi_square) ** 0.5,
+        (fit.autocorrelation.variance_factor if fit.autocorrelation is not None else max(1.0, fit.reduced_chi_square)) ** 0.5,
+        {t.sensor: t for t in sorted(fit.autocorrelation.traces, key=lambda t: t.samples)} if fit.autocorrelation is not None else {},
+        {o.sensor: o.sigma(fit.problem.noise) for o in fit.problem.observations()} if fit.problem is not None else {},
         fit.request.untie if fit.request is not None else False,
         any(e.scenario.environment for e in fit.experiments),
         tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
@@ -452,7 +467,7 @@ def next_test(
     todo = tuple(actions) or usual_actions(model, base, given)
     options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(label, value, now, slot, wanted, tuple(ranked), beside)
+    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, _remarks(known, given))
 
 
 def _rank(option: Option, goal: float) -> tuple[float, float, float]:
@@ -463,17 +478,40 @@ def _rank(option: Option, goal: float) -> tuple[float, float, float]:
 
 
 def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
-    """Return the instruments of a fit's first record, with the noise that the fit used."""
+    """Return the instruments of a fit's records, with the noise that the fit used; of one in several records as the first has it."""
     if not isinstance(source, Calibration) or source.problem is None:
         return ()
-    experiment = source.experiments[0]
-    out = []
-    for name, c in experiment.record.channels.items():
-        role, path = role_and_target(experiment.record, c, experiment.network)
-        noise = c.noise if c.noise is not None else source.problem.noise.get(name)
-        if role != "command":
-            out.append(Sensor(name, path, role, noise, c.accuracy))
-    return tuple(out)
+    out: dict[str, Sensor] = {}
+    for experiment in source.experiments:
+        for name, c in experiment.record.channels.items():
+            role, path = role_and_target(experiment.record, c, experiment.network)
+            if role == "command" or name in out or any(path == s.target and s.role != "node" for s in out.values()):
+                continue
+            if role == "node":
+                out[name] = _thermometer(Sensor(name, path, role, c.noise, c.accuracy, step_of(c) or None), source.problem.noise.get(name))
+            else:
+                noisy = experiment.noisy.get(path if role == "boundary" else SCALE + path)
+                found = (noisy.white or None, noisy.step or None) if noisy is not None else (c.noise, None)
+                out[name] = Sensor(name, path, role, found[0], c.accuracy, found[1])
+    return tuple(out.values())
+
+
+def _thermometer(sensor: Sensor, scatter: float | None) -> Sensor:
+    """Return a sensor with its noise as stated, or what is left of the scatter of its readings without rounding to steps. [K]"""
+    if sensor.noise is not None or scatter is None:
+        return sensor
+    rounding = (sensor.resolution or 0.0) / math.sqrt(12.0)
+    return replace(sensor, noise=math.sqrt(max(scatter**2 - rounding**2, (0.1 * scatter) ** 2)))
+
+
+def _remarks(known: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """Return what the figures take for granted of the noise of planned readings."""
+    slow = [s.name for s in sensors if s.name in known.noise and known.noise[s.name].correlated_variance > 0.0]
+    if not slow:
+        return ()
+    return (
+        f"Planned readings of {listed(slow)} are taken to wander as their residuals did; what the model misses would then stay missed.",
+    )
 
 
 def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
@@ -514,7 +552,7 @@ def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str
         free = (*known.free, *(p for p in doubts if p not in known.free))
         request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
         problem = doubted(build_problem(request), doubts)
-        durations, matrices = _growing(known, problem, doubts)
+        durations, matrices = _growing(known, problem, doubts, _planned_noise(known, grown))
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
     full = np.zeros(len(matrices[0]))
@@ -527,7 +565,40 @@ def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str
     return Option(action.name, float(errors[-1]), hours, longest, np.column_stack([durations / 3600.0, errors]))
 
 
-def _growing(known: Before, problem: Problem, doubts: Mapping[str, float]) -> tuple[Array, list[Array]]:
+def _planned_noise(known: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
+    """Return how planned readings wander, in squares of their noise: as the residuals of each sensor did, a new one like the others."""
+    out = []
+    size = {s.name: known.sizes.get(s.name, s.noise or 0.0) * known.spread for s in sensors if s.role == "node"}
+    slow = [known.noise[n] for n in size if n in known.noise and known.noise[n].correlated_variance > 0.0]
+    typical = float(np.median([t.correlated_variance * known.sizes[t.sensor] ** 2 for t in slow])) if slow else 0.0
+    for name, noise in size.items():
+        t = known.noise.get(name)
+        if t is None and slow and noise:
+            out.append(TraceNoise(NAME, name, 0, 1.0, typical / noise**2, float(np.median([s.correlation_time for s in slow])), 0.0))
+        elif t is not None and t.white_variance > 0.0:
+            white, correlated = (v / known.spread**2 for v in (t.white_variance, t.correlated_variance))
+            out.append(TraceNoise(NAME, name, 0, white, correlated, t.correlation_time, 0.0))
+        else:
+            out.append(TraceNoise(NAME, name, 0, 0.0, 0.0, 0.0, 0.0))
+    return tuple(out)
+
+
+def _informed(rows: Array, excess: Array) -> Array:
+    """Return what least squares learn from readings (unknowns, unknowns) whose noise adds `excess` to the covariance of J'r.
+
+    ``J'J (J'J + E)^-1 J'J``, the inverse of the sandwich of Huber, in the directions that the readings see.
+    """
+    if not excess.any():
+        return np.asarray(rows.T @ rows)
+    _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
+    s, turned = s[s > SEEN * s[0]], turned[s > SEEN * s[0]]
+    back = turned / s[:, None]
+    inner = np.linalg.inv(np.eye(s.size) + back @ excess @ back.T)
+    ends = turned.T * s
+    return np.asarray(ends @ inner @ ends.T)
+
+
+def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]) -> tuple[Array, list[Array]]:
     """Return durations, and at each the information of the sources: those known now, then the test's own."""
     leader = {q: name for name, paths in known.free.items() for q in paths}
     # what holds with gas says nothing of the same value without it
@@ -548,5 +619,12 @@ def _growing(known: Before, problem: Problem, doubts: Mapping[str, float]) -> tu
     rows = problem.jacobian(at) @ chain
     times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
     durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]
-    parts = [rows[times <= end * (1 + 1e-9)] for end in durations]
-    return durations, [base + part.T @ part for part in parts]
+    pieces = binned(problem, at)
+    inputs = answers_to_inputs(problem, at, pieces)
+    out = []
+    for end in (durations * (1 + 1e-9)).tolist():
+        part = {key: b.before(end) for key, b in pieces.items()}
+        causes = {key: h[pieces[key].times <= end] for key, h in inputs.items()}
+        excess = chain.T @ score_excess(part, noise, 1.0, causes) @ chain
+        out.append(base + _informed(rows[times <= end], excess))
+    return durations, out

@@ -28,6 +28,7 @@ class Sensor:
     role : str              node, boundary or load.
     noise : float           Standard deviation of one reading. [K or W]
     accuracy : float        Standard deviation of its constant error. [K or W]
+    resolution : float      Its step. [K or W]
     """
 
     name: str
@@ -35,6 +36,7 @@ class Sensor:
     role: str
     noise: float | None = None
     accuracy: float | None = None
+    resolution: float | None = None
 
 
 def sensors_of(model: Model, scenario: Scenario, given: Mapping[str, Any]) -> tuple[Sensor, ...]:
@@ -84,5 +86,6 @@ def planned_record(model: Model, scenario: Scenario, sensors: Sequence[Sensor], 
     for s in sensors:
         values = np.asarray(powers[s.target]) if s.role == "load" else run[s.target].kelvin
         quantity = "power" if s.role == "load" else "temperature"
-        channels[s.name] = Channel.of(s.name, values, quantity=quantity, role=s.role, target=s.target, noise=s.noise, accuracy=s.accuracy)
+        said = {"noise": s.noise, "accuracy": s.accuracy, "resolution": s.resolution}
+        channels[s.name] = Channel.of(s.name, values, quantity=quantity, role=s.role, target=s.target, **said)
     return Record.from_arrays(name, times, channels)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from thermid.measure.amounts import short
 from thermid.measure.record.steadiness import SteadyPoint
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
+from thermid.network.controls import refuse_controllers
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
@@ -36,7 +37,7 @@ class EnergyBalance:
     boundaries : dict               Conductor -> heat that it takes to a boundary. [W]
     stored : dict                   Measured node -> heat that it takes up. [W]
     unexplained : dict              Measured node -> what is left of its balance (positive: more comes in than the model lets out), and its
-                                    standard error from temperatures, drift and power. [W]
+                                    standard error from temperatures, drift and power, and of a fit from its values. [W]
     total, error : float            The same over the whole model. [W]
     temperatures : dict             Node -> temperature, calculated where it was not measured. [K]
     calculated : tuple of str       Nodes that were not measured.
@@ -105,20 +106,40 @@ def energy_balance(
 
     Notes
     -----
+    The errors of a fit's values count with their covariance, those that stages below found among them; of a model they count as exact.
+
     For each measured node, power in, less heat to its neighbours at the measured temperatures, less capacitance times drift. Nodes that
     were not measured are calculated from those that were.
     """
     of = model.fitted_model if isinstance(model, Calibration) else model
     point = record.steady(start, end, limit=limit)
     case = _Case(of, point, scenario)
+    values = _by_values(model, case, lambda moved: _Case(moved, point, scenario)) if isinstance(model, Calibration) else None
     x = case.given
     here = case.parts(x)
     slopes = np.array([(case.parts(x + d).left - here.left) / d.sum() for d in np.diag(case.steps)])
-    errors = np.sqrt(np.sum((slopes * case.errors[:, None]) ** 2, axis=0))
-    total = float(np.sqrt(np.sum((slopes.sum(axis=1) * case.errors) ** 2)))
+    causes = slopes * case.errors[:, None]
+    causes = causes if values is None else np.concatenate([causes, values])
+    errors = np.sqrt(np.sum(causes**2, axis=0))
+    total = float(np.linalg.norm(causes.sum(axis=1)))
     unexplained = {n: (float(w), float(e)) for n, w, e in zip(case.nodes, here.left, errors, strict=True)}
     title = f"{of.title}, {point.name}"
     return EnergyBalance(title, here.loads, here.out, here.stored, unexplained, float(here.left.sum()), total, here.at, case.calculated)
+
+
+STEP = 1e-3
+"""Relative change over which the balance is differentiated by a value of a fit."""
+
+
+def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -> Array:
+    """Return what each source of the errors of a fit's values does to the balance of each node (sources, nodes). [W]"""
+    states = [s for s in fit.store.states.values() if s.kind == "parameter" and s.known]
+    here, out = case.parts(case.given).left, []
+    for s in states:
+        size = STEP * (abs(s.value) or 1.0)
+        there = moved(case.of.with_values({p: f"{s.value + size!r} [{s.unit}]" for p in s.acts}))
+        out.append((there.parts(case.given).left - here) / (STEP if s.log else size))
+    return fit.store.rows([s.path for s in states]).T @ np.array(out).reshape(len(states), here.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +155,7 @@ class _Case:
     """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
 
     def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
+        self.of = model
         record = at_their_seats(point.record)
         self.model = attached(model, record)[0]
         experiment = bind(model, record, scenario)
@@ -179,7 +201,9 @@ class _Case:
         wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
-        flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in at.items()}, zero)
+        refuse_controllers(self.network.flat.controls, self.network.controls, "an energy balance at one instant")
+        known = {n: np.array([t]) for n, t in at.items()}
+        flows = wiring.conductor_flows(a.numbers, known, zero, wiring.shares(a.numbers, known.__getitem__, zero))
         columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
         powers = {name: float(p[0]) for name, p in engine.powers(a, columns, zero).items()}
         rows = {row.name: row for row in a.numbers.conductors}

@@ -433,7 +433,7 @@ def summarise(
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
     slope = u.slope(fitted)
-    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(random)) if u.kind == "parameter" else 0.0)
+    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(max(random, 0.0))) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
     return FittedValue(
         u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also
@@ -483,7 +483,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
 
 def _wandering(spread: Autocorrelation) -> list[str]:
     """Return one remark on traces whose residuals wander."""
-    slow = [t for t in spread.traces if wanders(t.effective_samples, t.samples)]
+    slow = [t for t in spread.traces if t.white_variance > 0.0 and wanders(t.effective_samples, t.samples)]
     # one white trace in a hundred looks as if it wandered
     if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
         return []

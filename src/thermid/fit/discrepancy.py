@@ -21,7 +21,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
-from thermid.fit.uncertainty.noise import Autocorrelation, binned
+from thermid.fit.uncertainty.noise import Autocorrelation
+from thermid.fit.uncertainty.stretches import binned
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, finite
 from thermid.model.laws.signal import TableSignal
@@ -127,7 +128,9 @@ def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -
     answer = engine.integrate(a, times, a.reduced.nodes, end, options)
     traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
     known = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    flows = wiring.conductor_flows(a.numbers, known, times)
+    modes = dict(zip(engine.control_names, answer.states(times).T, strict=True))
+    every = {**known, **{n: traces.temperature(n) for n in a.reduced.controllers}}
+    flows = wiring.conductor_flows(a.numbers, known, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
     forms: dict[str, list[str]] = {}
     for row in a.numbers.conductors:
         forms.setdefault(row.name, []).append(row.form if value_of(row.coefficients[0]) else "")

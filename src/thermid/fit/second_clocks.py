@@ -23,7 +23,8 @@ from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
-from thermid.fit.uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
+from thermid.fit.uncertainty.noise import autocorrelation_of_traces
+from thermid.fit.uncertainty.stretches import BINS, Binned, binned_trace, stretch_means
 from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.memo import Memo
@@ -187,8 +188,7 @@ class Clocked:
         experiment = problem.experiments[0]
         tables = {name: dict(getattr(experiment.scenario, name)) for name in ("loads", "commands")}
         for name, path, table in self._sampled(problem):
-            moved, change = table.times.copy(), 1 + np.flatnonzero(np.diff(table.values))
-            moved[change] -= 0.5 * (table.times[change] - table.times[change - 1])
+            moved = table.changed_within().times.copy()
             if late is not None and path == late[0]:
                 moved[late[1]] += late[2]
             tables[name][path] = replace(table, times=moved)

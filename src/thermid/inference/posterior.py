@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import box_of, package
-from thermid.fit.problem.residuals import Compressed, Problem
+from thermid.fit.problem.residuals import Compressed, Problem, wanders
 from thermid.fit.problem.unknowns import Unknown
-from thermid.linear_algebra import Array
+from thermid.linear_algebra import Array, covariance
 
 ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
@@ -77,7 +77,10 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
 
     Constant errors and temperatures of single records, in which readings are linear or nearly so, are not sampled: at each step they take
     their best values, and the width that their priors leave is counted (the Laplace form of the integral over them; Tierney and Kadane,
-    J. Am. Stat. Assoc. 81 (1986) 82). Needs the package emcee: ``pip install thermid[bayes]``.
+    J. Am. Stat. Assoc. 81 (1986) 82). Noise counts as in the errors of the fit: residuals that wander, readings in steps, noise of logged
+    inputs and fixed values with an error widen the draws by stretching the distance to the best values, so that near them the draws scatter
+    by the covariance of the fit, while the shape of the valley stays (curvature adjustment: Ribatet, Cooley, Davison, Statistica Sinica 22
+    (2012) 813). Needs the package emcee: ``pip install thermid[bayes]``.
 
     Parameters
     ----------
@@ -91,7 +94,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     IdentificationError   When emcee is missing, nothing was free, or the calibration was read from a file.
     """
     emcee = package("emcee", "a posterior", "bayes")
-    density = _Density.of(fit)
+    density = _Density.of(fit).stretched(fit)
     size = len(density.at)
     count = walkers or max(12, 2 * size + 2)
     rng = np.random.default_rng(seed)
@@ -105,12 +108,13 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     independent = chain.shape[0] / max(lag, 1.0)
     names = [density.problem.unknowns[k] for k in density.at]
     draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
-    warnings = (
+    short = (
         ()
         if steps - steps // 5 > ENOUGH * lag
         else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long, {ENOUGH} are wanted: give more steps.",)
     )
     known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
+    warnings = (*short, *density.remarks())
     return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, warnings)
 
 
@@ -125,6 +129,7 @@ class Evidence:
     error : float           Of the sampling. [-]
     evaluations : int       How often the records were simulated.
     box : dict              Parameter -> (low, high) over which its prior is spread, evenly in its fitted form. [SI]
+    doubts : tuple of str   Why it does not count: it takes residuals as independent and logged inputs as exact.
     """
 
     stage: str
@@ -132,11 +137,20 @@ class Evidence:
     error: float
     evaluations: int
     box: Mapping[str, tuple[float, float]]
+    doubts: tuple[str, ...] = ()
 
     def against(self, other: Evidence) -> str:
-        """Return in words what two structures' evidence says, both fitted to the same readings (Jeffreys' scale)."""
+        """Return in words what two structures' evidence says, both fitted to the same readings (Jeffreys' scale).
+
+        Nothing where the better one leaves residuals that are not independent: then neither made the log.
+        """
         far = self.log - other.log
         better, worse = (self, other) if far >= 0 else (other, self)
+        if better.doubts:
+            return (
+                f"'{better.stage}' and '{worse.stage}': not decidable by evidence, because {better.doubts[0]}. Compare them on a hold-out "
+                "record, or look for what both miss with td.criticise."
+            )
         size, doubt = abs(far), math.hypot(self.error, other.error)
         scale = "not worth a mention" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"
         return f"'{better.stage}' over '{worse.stage}': ln evidence {size:.1f} +- {doubt:.1f} higher, {scale}"
@@ -179,7 +193,7 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     found = sampler.results
     unknowns = [density.problem.unknowns[k] for k in density.at]
     box = {u.name: (u.to_value(a), u.to_value(b)) for u, (a, b) in zip(unknowns, density.box.tolist(), strict=True)}
-    return Evidence(fit.stage, float(found.logz[-1]), float(found.logzerr[-1]), density.count, box)
+    return Evidence(fit.stage, float(found.logz[-1]), float(found.logzerr[-1]), density.count, box, density.doubts(fit))
 
 
 @dataclass(eq=False)
@@ -192,6 +206,7 @@ class _Density:
     rest: Array
     level: float
     count: int = 0
+    stretch: Array | None = None
 
     @classmethod
     def of(cls, fit: Calibration) -> _Density:
@@ -207,6 +222,38 @@ class _Density:
         end = np.array([fit.fitted[u.name] for u in problem.unknowns])
         return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
 
+    def stretched(self, fit: Calibration) -> _Density:
+        """Return the density whose distance to the best values is stretched so that its width is that of the fit's errors."""
+        names = [self.problem.unknowns[k].name for k in self.at]
+        wanted = fit.store.covariance(names)
+        variance_factor = fit.autocorrelation.variance_factor if fit.autocorrelation is not None else 1.0
+        found = self.problem.compressed(self.rest)
+        rows = np.concatenate([found.slopes / math.sqrt(variance_factor), self.problem.prior_rows(self.rest)[1]])
+        here = covariance(rows)[np.ix_(self.at, self.at)]
+        if not (np.isfinite(here).all() and all(fit.store[n].known for n in names)):
+            return replace(self, level=variance_factor)
+        # the symmetric A with A here^-1 A = wanted^-1, in units of the errors
+        scale = np.sqrt(np.diag(wanted))
+        here, wanted = here / np.outer(scale, scale), wanted / np.outer(scale, scale)
+        inner, outer = _root(here), _root(np.linalg.inv(here))
+        stretch = inner @ _root(outer @ np.linalg.inv(wanted) @ outer) @ inner
+        return replace(self, level=variance_factor, stretch=stretch * scale[:, None] / scale[None, :])
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return what a reader must know of the width of the draws."""
+        if self.stretch is not None:
+            return ()
+        return ("the errors of the fit are not limited by the data, so that only the noise of the readings is in the draws.",)
+
+    def doubts(self, fit: Calibration) -> tuple[str, ...]:
+        """Return why a density that takes residuals as independent and logged inputs as exact does not count."""
+        out = []
+        slow = [t for t in (fit.autocorrelation.traces if fit.autocorrelation else ()) if wanders(t.effective_samples, t.samples)]
+        if slow:
+            t = min(slow, key=lambda t: t.effective_samples / t.samples)
+            out.append(f"residuals of '{t.sensor}' in '{t.record}' are not independent ({t.samples} are worth {t.effective_samples:.3g})")
+        return tuple(out)
+
     def errors(self, fit: Calibration) -> Array:
         """Return the standard errors of the parameters, in the fitted form."""
         unknowns = [self.problem.unknowns[k] for k in self.at]
@@ -217,7 +264,8 @@ class _Density:
         if (point < self.box[:, 0]).any() or (point > self.box[:, 1]).any():
             return -np.inf
         x = self.rest.copy()
-        x[self.at] = point
+        best = x[self.at]
+        x[self.at] = point if self.stretch is None else np.clip(best + self.stretch @ (point - best), self.box[:, 0], self.box[:, 1])
         self.count += 1
         try:
             found = self.problem.compressed(x)
@@ -244,6 +292,12 @@ class _Density:
         """Return the logarithm of what normalises the readings' density."""
         sigma = [(o.sigma(self.problem.noise) * math.sqrt(self.level), o.index.size) for o in self.problem.observations()]
         return sum(n * math.log(s * math.sqrt(2.0 * math.pi)) for s, n in sigma)
+
+
+def _root(matrix: Array) -> Array:
+    """Return the symmetric root of a matrix without negative directions."""
+    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))) @ vectors.T)
 
 
 def _width(unknown: Unknown) -> float:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, IdentificationError, nearest
+from thermid.errors import DeckError, IdentificationError, refuse_unknown
 from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
@@ -220,11 +220,9 @@ def validate(
     )
     prediction = fit(request)
     statistics = prediction.statistics[record.name]
-    for sensor in criteria.sensors or {}:
-        if sensor not in statistics:
-            raise IdentificationError(
-                f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}"
-            )
+    refuse_unknown(
+        criteria.sensors or {}, statistics, "", f"criteria are given for '{{}}', which is no sensor of {record.name}.", IdentificationError
+    )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
     return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, standing=calibration.standing)

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
@@ -101,8 +101,7 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     ------
     DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
     """
-    if orientation not in ORIENTATIONS:
-        raise DeckError(f"the orientation '{orientation}' is none of {', '.join(ORIENTATIONS)}.{nearest(orientation, ORIENTATIONS)}", where)
+    refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is none of {known}.", DeckError)
     found = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
     if "vertical_plate" in found.name and orientation != "vertical":
         raise DeckError(f"'{found.name}' is for vertical plates, and the orientation is '{orientation}'. Change one of the two.", where)

@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Distribution
 from thermid.linear_algebra import Array
@@ -68,8 +68,12 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
             f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {MOST_SAMPLES:,}. Give a longer one.",
             scenario.title,
         )
-    grid = np.arange(0.0, scenario.seconds * (1 + 1e-12), step)
-    return grid if np.isclose(grid[-1], scenario.seconds) else np.append(grid, scenario.seconds)
+    # a whole number of intervals may miss the duration, or pass it, by rounding
+    grid: Array = step * np.arange(int(scenario.seconds / step * (1.0 + 1e-12)) + 1, dtype=float)
+    if grid.size > 1 and np.isclose(grid[-1], scenario.seconds, rtol=1e-9, atol=0.0):
+        grid[-1] = scenario.seconds
+        return grid
+    return np.append(grid, scenario.seconds)
 
 
 @takes_objects
@@ -217,9 +221,7 @@ class Simulator:
         ScenarioError       When the names do not have equally many values.
         """
         given = {_free_name(self._wiring.network, name): value for name, value in draws.items()}
-        for name in given:
-            if name not in self.free:
-                raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
+        refuse_unknown(given, self.free, self.title, "'{}' was not freed when the simulator was prepared.", NameNotFoundError)
         if len(given) < len(draws):
             raise ScenarioError("one name is drawn twice, under its path and under an alias.", self.title)
         return run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
@@ -270,9 +272,7 @@ class Simulator:
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""
         given = {_free_name(self._wiring.network, name): value for name, value in values.items()}
-        for name in given:
-            if name not in self.free:
-                raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
+        refuse_unknown(given, self.free, self.title, "'{}' was not freed when the simulator was prepared.", NameNotFoundError)
         return np.array([given.get(name, self.nominal[name]) for name in self.free])
 
 

@@ -13,7 +13,8 @@ from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import BoolArray, FloatArray, stretch, within_log
 from thermid.measure.record.record import Record
-from thermid.measure.record.steadiness import StabilityRule, resolution_of, rule_of
+from thermid.measure.record.scatter import step_of
+from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
@@ -237,7 +238,7 @@ def forecast(
     asked, wanted = amount(within, "K", "within"), rule_of(rule)
     if not asked > 0.0:
         raise RecordError(f"half of an interval is above zero, not {asked:g} K.", f"{record.name}, within")
-    step = resolution_of(record.channel(name))
+    step = step_of(record.channel(name))
     final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
         record.name,

@@ -36,7 +36,7 @@ joined   = { record = "meter", offset = ["0 [s]", "5 [min]"], rate = [0.9, 1.2] 
 
 [records.meter]
 file     = "meter.csv"
-channels = { P = { load = "heat" } }
+channels = { P = { load = "heat", prompt = true } }
 
 [[stages]]
 name     = "box"
@@ -218,8 +218,9 @@ def test_records_that_cannot_be_joined() -> None:
 
 
 def held(offset: float, rate: float, seed: int = 3) -> tuple[td.Record, td.Record]:
-    """Return the same logs where the meter's readings hold until the next one, as the meter's log is read."""
+    """Return the same logs where the meter has a sample at every change, and its readings hold until the next one."""
     first, second = logs(offset, rate)
+    second = second.with_channels(replace(second["P"], prompt=True))
     power = TableSignal(offset + rate * FAST, POWER, hold=True, before="hold")
     made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
     noise = 0.05 * np.random.default_rng(seed).standard_normal(SLOW.size)
@@ -256,6 +257,27 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     assert one.celsius == pytest.approx(other.celsius, abs=0.02)
     assert 0.9 * other.error < one.error < 2.0 * other.error  # it counts that the clock is not known
     assert td.discrepancy(fit).misfit["case"] == pytest.approx(td.discrepancy(known).misfit["case"], abs=0.01)
+
+
+def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:
+    """Offsets from a meter that samples every 40 s do not lean by half of that, and their errors say how little it tells."""
+    scores = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        first, _ = logs(130.0, 1.0)
+        ends = 130.0 + np.array([100.0, 500.0, 700.0, 1100.0]) + rng.uniform(0.0, 40.0, 4)
+        power = TableSignal(np.array([0.0, *ends]), np.array([0.0, 20.0, 0.0, 12.0, 0.0]), hold=True, before="hold")
+        made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
+        read = td.simulate(BOX, made, times=SLOW)["case"].kelvin + 0.05 * rng.standard_normal(SLOW.size)
+        coarse = np.arange(-140.0, 1700.0, 40.0)
+        meter = td.Channel.of("P", power.at(np.maximum(coarse + 130.0, 0.0)), quantity="power", role="load", target="heat")
+        second = td.Record.from_arrays("meter", coarse, {"P": meter})
+        joined = first.with_channels(replace(first["T"], values=read)).joined(second, (0.0, 300.0))
+        (clock,) = td.calibrate(BOX, joined, FREE, scenario=AIR).local
+        assert 2.0 < clock.error < 40.0 / np.sqrt(12.0)
+        scores.append((clock.value - 130.0) / clock.error)
+    assert abs(np.mean(scores)) < 1.3  # half the interval would be three errors
+    assert np.abs(scores).max() < 3.5
 
 
 def test_a_held_rate_and_a_robust_loss() -> None:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.uncertainty.noise import binned, excess_of_inputs
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import InputNoise
+from thermid.fit.uncertainty.logged_inputs import answers_to_inputs, score_of_inputs
+from thermid.fit.uncertainty.stretches import binned
 
 DECK = """
 title = "heated plate under a cover"
@@ -28,6 +31,13 @@ UNITS = {"pads.resistance": "K/W", "skin.effective_htc": "W/(m^2 K)", "plate.cap
 SD, WATTS = 0.05, 0.4
 """Noise of a thermometer [K] and of a power meter [W]."""
 NAMES = ("plate", "cover", "room")
+
+
+def excess_of_inputs(fit: Calibration) -> np.ndarray:
+    """What noise of logged inputs adds to the covariance of J'r."""
+    at = np.array(list(fit.fitted.values()))
+    pieces = binned(fit.problem, at)
+    return score_of_inputs(pieces, answers_to_inputs(fit.problem, at, pieces))
 
 
 class Laboratory:
@@ -82,24 +92,35 @@ def test_it_is_what_every_sample_does_by_itself(tmp_path: Path, logged: str, sd:
         shift = np.concatenate([(start[b.sensor] - b.predicted) / SD for b in other.blocks])
         g = rows.T @ shift
         brute += sd**2 * np.outer(g, g)
-    found = excess_of_inputs(problem, at, binned(problem, at))
+    found = excess_of_inputs(fit)
     scale = np.sqrt(np.diag(brute))
     np.testing.assert_allclose(np.sqrt(np.diag(found)), scale, rtol=0.1)
     np.testing.assert_allclose(found / np.outer(scale, scale), brute / np.outer(scale, scale), atol=0.15)
 
 
-def test_a_boundary_without_noise_adds_nothing(tmp_path: Path) -> None:
+def test_a_boundary_that_shows_no_noise_adds_nothing(tmp_path: Path) -> None:
     laboratory = Laboratory(tmp_path, 60.0)
     fit = laboratory.fitted(np.zeros((laboratory.times.size, 3)))
-    assert fit.experiments[0].noisy == {"room": pytest.approx(SD)}
+    assert fit.experiments[0].noisy["room"] == InputNoise(SD, 0.0, True)
     channels = {n: {"boundary" if n == "room" else "node": n} | ({} if n == "room" else {"noise": f"{SD} [K]"}) for n in NAMES}
     bare = td.read_record(tmp_path / "log.csv", channels | {"heat": {"command": "heater"}})
     without = td.calibrate(laboratory.model, bare, free=list(PLANTED))
-    assert without.experiments[0].noisy == {}
-    at = np.array(list(without.fitted.values()))
-    assert not excess_of_inputs(without.problem, at, binned(without.problem, at)).any()
+    assert without.experiments[0].noisy["room"].white < 1e-4 * SD
+    assert not without.experiments[0].noisy["room"].stated
     for path in ("skin.effective_htc", "plate.capacitance"):
         assert without[path].error < 0.9 * fit[path].error
+
+
+def test_noise_that_nobody_stated_is_found_from_the_samples(tmp_path: Path) -> None:
+    laboratory, rng = Laboratory(tmp_path, 30.0), np.random.default_rng(4)
+    errors = rng.normal(0.0, SD, (laboratory.times.size, 3))
+    fit = laboratory.fitted(errors)
+    channels = {n: {"boundary" if n == "room" else "node": n} | ({} if n == "room" else {"noise": f"{SD} [K]"}) for n in NAMES}
+    bare = td.read_record(tmp_path / "log.csv", channels | {"heat": {"command": "heater"}})
+    without = td.calibrate(laboratory.model, bare, free=list(PLANTED))
+    assert without.experiments[0].noisy["room"].white == pytest.approx(SD, rel=0.25)
+    for path in PLANTED:
+        assert without[path].error == pytest.approx(fit[path].error, rel=0.15)
 
 
 def held(laboratory: Laboratory, logged: str, sd: float, draws: int) -> np.ndarray:

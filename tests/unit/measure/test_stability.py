@@ -8,7 +8,8 @@ import pytest
 import thermid as td
 from thermid.errors import RecordError
 from thermid.measure.record.channel import Channel
-from thermid.measure.record.steadiness import RULES, channel_stability, resolution_of, rule_of, since_when
+from thermid.measure.record.scatter import step_of
+from thermid.measure.record.steadiness import RULES, channel_stability, rule_of, since_when
 
 HOUR = 3600.0
 
@@ -86,8 +87,8 @@ def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
 def test_the_step_of_a_sensor_is_seen_in_its_readings():
     r = record(1.0, noise=0.2, step=0.0625)
     bare = Channel.of("T", r["T"].values)
-    assert resolution_of(bare) == pytest.approx(0.0625)
-    assert resolution_of(Channel.of("T", np.random.default_rng(1).standard_normal(100) + 300)) == 0.0
+    assert step_of(bare) == pytest.approx(0.0625)
+    assert step_of(Channel.of("T", np.random.default_rng(1).standard_normal(100) + 300)) == 0.0
 
 
 def test_since_when_an_approach_is_stable():

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import SecondClock
+from thermid.measure.record.scatter import found_noise, step_of
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
@@ -433,6 +434,8 @@ class Observation:
     effective_share : float     Independent samples that a sample is worth: below 1 where the noise is said to be correlated. [-]
     part : SensorPart or None   What else its sensor does.
     lag : str                   Path of the sensor's lag in the wiring; empty for none.
+    step : float                Of the sensor, as stated or as its readings show it; zero for none. [K]
+    blur : float or None        Stated noise of a reading before it is rounded. [K]
     """
 
     sensor: str
@@ -446,6 +449,8 @@ class Observation:
     part: SensorPart | None
     seat: str
     lag: str
+    step: float = 0.0
+    blur: float | None = None
 
     def sigma(self, assumed: Mapping[str, float]) -> float:
         """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]
@@ -458,6 +463,27 @@ class Observation:
     def effective_samples(self) -> float:
         """Independent samples that its samples are worth by what is said of its noise."""
         return self.index.size * self.effective_share
+
+
+@dataclass(frozen=True)
+class InputNoise:
+    """Noise of the samples of a logged boundary or power.
+
+    Parameters
+    ----------
+    white : float       Standard deviation of one sample. [K, W]
+    step : float        To which samples are rounded; zero for none. [K, W]
+    stated : bool       Whether somebody said the white part; else it is found from the samples.
+    """
+
+    white: float
+    step: float
+    stated: bool
+
+    @property
+    def any(self) -> bool:
+        """Whether there is any."""
+        return self.white > 0.0 or self.step > 0.0
 
 
 OFFSET, RATE = "clock.offset", "clock.rate"
@@ -474,12 +500,15 @@ class Ticks:
     driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
     at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
+    sampled : tuple of str          Paths of powers and commands that were sampled, not logged when they changed; their changes stand in the
+                                    middle of the interval in which they happened.
     """
 
     clock: SecondClock
     driven: tuple[tuple[str, str], ...]
     zero: float
     at: tuple[float, float]
+    sampled: tuple[str, ...] = ()
 
     def moved(self, experiment: Experiment, at: tuple[float, float]) -> Experiment:
         """Return an experiment with these signals at another offset and rate."""
@@ -524,7 +553,8 @@ class Experiment:
     hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
-    noisy : dict                Logged boundary, or scale of a logged power -> standard deviation of one sample of it. [K, W]
+    noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
+    means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
     """
 
@@ -539,7 +569,8 @@ class Experiment:
     loose: tuple[str, ...] = ()
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
-    noisy: Mapping[str, float] = field(default_factory=dict)
+    noisy: Mapping[str, InputNoise] = field(default_factory=dict)
+    means: Mapping[str, float] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -556,8 +587,7 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
     canonical = network.flat.names.model.canonical(target)
     loads = [load.path for load in network.flat.loads]
     if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
-        if canonical not in loads:
-            raise RecordError(f"no load '{target}' in {network.title}.{nearest(canonical, loads)}", where)
+        refuse_unknown([canonical], loads, where, f"no load '{target}' in {network.title}.", RecordError)
         if channel.role == "auto" and channel.quantity != "power":
             # without a unit a column is read as degrees Celsius, and 4 W would become 277
             raise RecordError(
@@ -614,7 +644,8 @@ def bind(
     inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     driven: dict[str, str] = {}
-    noisy: dict[str, float] = {}
+    noisy: dict[str, InputNoise] = {}
+    means: dict[str, float] = {}
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
         if role == "node":
@@ -623,8 +654,10 @@ def bind(
         else:
             _bare(channel, role, record)
             driven[channel.name] = path
-            if role != "command" and not channel.gain and (noise := _noise(channel)):
+            if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
+            if role != "command" and not channel.gain and channel.common and errors is None:
+                means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
         raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
@@ -638,6 +671,7 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
+    ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
     made = replace(
         base,
         title=record.name,
@@ -649,22 +683,38 @@ def bind(
         initial=initial,
         duration=duration,
     )
-    hidden: dict[str, HiddenStart] = {}
-    if base.start == "":
-        by_place = {path: record.channels[name] for name, path in driven.items()} | {
-            o.seat: record.channels[o.sensor] for o in observations
-        }
-        hidden = hidden_starts(made, network, first, by_place, tuple(tips))
+    hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" else {}
+    if hidden:
         made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
-    ticks = None if second is None else _ticks(second, zero, driven, inputs)
-    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, hidden)
+    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
-def _ticks(second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
+def _hidden_starts(
+    made: Scenario,
+    network: Network,
+    first: Mapping[str, float],
+    record: Record,
+    driven: Mapping[str, str],
+    observations: Sequence[Observation],
+    tips: Mapping[str, str],
+) -> dict[str, HiddenStart]:
+    """Return the starts of nodes without a sensor, from the channels of the record by the places that they read or drive."""
+    by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}
+    return hidden_starts(made, network, first, by_place, tuple(tips))
+
+
+def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
     """Return which inputs follow the clock that the fit has yet to find."""
     tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
     followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
-    return Ticks(second, followed, zero, second.at)
+    sampled = []
+    for channel, path in driven.items():
+        given = record.channels[channel]
+        for _, held in tables if channel in second.channels and given.held and not given.prompt else ():
+            if path in held and isinstance(held[path], TableSignal) and held[path].held:
+                held[path] = held[path].changed_within()
+                sampled.append(path)
+    return Ticks(second, followed, zero, second.at, tuple(sampled))
 
 
 def _timed(channel: Channel, record: Record) -> None:
@@ -707,11 +757,38 @@ def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: A
         part,
         seat.node,
         seat.lag,
+        step_of(channel),
+        channel.noise,
     )
 
 
 def _noise(channel: Channel) -> float | None:
-    """Return the standard deviation of one sample: noise, and rounding to steps of the sensor, a step over the root of 12. [K, W]"""
-    if channel.noise is None or channel.resolution is None:
-        return channel.noise
-    return float(np.hypot(channel.noise, channel.resolution / np.sqrt(12.0)))
+    """Return the standard deviation of one sample: noise, and rounding to steps of the sensor, a step over the root of 12. [K]
+
+    Steps that nobody stated count where the stated noise is too small to hold them.
+    """
+    if channel.noise is None:
+        return None
+    rounding = step_of(channel) / np.sqrt(12.0)
+    return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
+
+
+def _of_mean(channel: Channel, role: str, path: str, signal: Signal) -> dict[str, float]:
+    """Return the name in the wiring of a mean boundary [K] or power [-] -> standard deviation of its error; none of a power that is off."""
+    assert channel.common is not None
+    if role == "boundary":
+        return {path: channel.common}
+    power = power_while_on(signal)
+    return {SCALE + path: channel.common / power} if power > 0 else {}
+
+
+def _input_noise(channel: Channel) -> InputNoise:
+    """Return the noise of a logged boundary or power; see `found_noise` for one that nobody stated.
+
+    A power has steps where they are stated; a boundary that never changes is one that was set.
+    """
+    moves = channel.quantity == "temperature" and float(np.ptp(channel.values[channel.valid])) > 0.0
+    step = step_of(channel) if moves or channel.resolution is not None else 0.0
+    if channel.noise is not None:
+        return InputNoise(channel.noise, step, True)
+    return InputNoise(found_noise(channel), step, False)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from thermid.errors import IdentificationError, RecordError, nearest
-from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, bind, first_reading, gain_of, lag_of
+from thermid.errors import IdentificationError, RecordError, nearest, refuse_unknown
+from thermid.fit.problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
@@ -69,8 +69,7 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
 def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
-        if sensor not in sensors:
-            raise IdentificationError(f"a weight is given for '{sensor}', which is no sensor here.{nearest(sensor, sensors)}", where)
+        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is no sensor here.", IdentificationError)
         if not (math.isfinite(weight) and weight > 0):
             raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
 
@@ -147,7 +146,17 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
                 targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
+        out += [_mean(i, experiment, name, sd) for name, sd in experiment.means.items() if name not in named]
     return out
+
+
+def _mean(i: int, experiment: Experiment, name: str, sd: float) -> Unknown:
+    """Return the error of the mean of a boundary [K] or power (relative) in one record."""
+    instrument = any(target == name for target, _ in experiment.shared.values())
+    power = name.startswith(SCALE)
+    target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
+    label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"
+    return Unknown(label, "local", (target,), 0.0, prior=Prior(0.0, sd), unit="1" if power else "K")
 
 
 def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unknown]:

@@ -6,127 +6,27 @@ White noise plus an exponentially autocorrelated deviation, by restricted likeli
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from thermid.fit.minimisation import Fit, covariances
-from thermid.fit.problem.experiment import SCALE, Experiment
-from thermid.fit.problem.residuals import Bench, Problem, loss_of
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.uncertainty.logged_inputs import answers_to_inputs, score_of_inputs
+from thermid.fit.uncertainty.stretches import Binned, binned
 from thermid.linear_algebra import Array, Indices, finite, square_root
-from thermid.model.laws.signal import Constant, Signal, TableSignal
-from thermid.model.tree.flat import FlatLoad
 from thermid.renamed import Renamed
 
-STRETCHES = 80
-"""A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
-
-
-def excess_of_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
-    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
-
-    Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause, so that J'r moves by the sum of
-    g_k n_k with g_k = J'h_k / sigma: covariance ``sum sd^2 g_k g_k'``. The h of a stretch of samples is the difference of two answers of
-    the readings to a step of the signal, one begun where the stretch begins and one where it ends; the answer to a step is taken from the
-    sensitivity to a constant shift of the signal, with the start held: one run for all stretches, exact where coefficients do not change.
-    The shift of a power is a further load of zero size.
-
-    Parameters
-    ----------
-    problem : Problem
-    fitted : array (unknowns,)    The end of the fit, in the fitted form.
-    pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
-
-    Raises
-    ------
-    SolverError   When a record cannot be run.
-    """
-    size = len(problem.unknowns)
-    out = np.zeros((size, size))
-    for i, experiment in enumerate(problem.experiments):
-        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
-        if not noisy or not size:
-            continue
-        seen = [pieces[experiment.record.name, o.sensor] for o in experiment.observations]
-        for path, times, answers in _answers(problem, i, fitted, list(noisy), [b.times for b in seen]):
-            begin, end = float(experiment.times[0]), float(experiment.times[-1])
-            times = times[(times >= begin) & (times <= end)]
-            if times.size < 2:
-                continue
-            edges = np.linspace(begin, end, min(STRETCHES, times.size) + 1)
-            count = np.bincount(np.clip(np.searchsorted(edges, times, side="right") - 1, 0, edges.size - 2), minlength=edges.size - 1)
-            moved = np.zeros((edges.size - 1, size))
-            for o, b, step in zip(experiment.observations, seen, answers, strict=True):
-                after = [step(b.times - edge) for edge in edges]
-                for k in range(edges.size - 1):
-                    moved[k] += (b.count * (after[k] - after[k + 1]) / o.sigma(problem.noise)) @ b.slopes
-            moved = moved[count > 0] / np.sqrt(count[count > 0])[:, None]
-            out += noisy[path] ** 2 * moved.T @ moved
-    return out
-
-
-def _signal(experiment: Experiment, path: str) -> Signal | None:
-    """Return the signal of a boundary, or of a power by the name of its scale."""
-    load = path.removeprefix(SCALE)
-    return experiment.scenario.loads.get(load) if load != path else experiment.scenario.boundaries.get(path)
-
-
-class _Step:
-    """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
-
-    def __init__(self, times: Array, answer: Array) -> None:
-        self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
-
-    def __call__(self, since: Array) -> Array:
-        return np.where(since > 0.0, np.interp(since, self.times, self.answer), 0.0)
-
-
-def _answers(
-    problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
-) -> Iterator[tuple[str, Array, list[_Step]]]:
-    """Yield every signal with the times of its samples [s] and the answer of each sensor to a step of it."""
-    given = problem.bench(i, fitted)
-    values, _ = problem.inputs(i, fitted)
-    experiment, named = _shifted(given.experiment, paths)
-    more = [p for p in named if p not in given.free]
-    bench = Bench.of(experiment, (*given.free, *more)) if more else given
-    x = np.concatenate([values, np.zeros(len(more))])
-    times = np.unique(np.concatenate(centres))
-    _, slopes = bench.temperatures(x, True, problem.options, times, from_rest=True)
-    since = times - float(given.experiment.times[0])
-    late = since > 0.0
-    for path, name in zip(paths, named, strict=True):
-        signal = _signal(given.experiment, path)
-        assert isinstance(signal, TableSignal)
-        place = bench.free.index(name)
-        yield path, signal.instants, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
-
-
-def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, list[str]]:
-    """Return an experiment with a load of 1 W beside every logged power among some signals, and what is free to shift each signal."""
-    network, scenario = experiment.network, experiment.scenario
-    nodes = {load.path: load.node for load in network.flat.loads}
-    beside = {p: f"noise {p.removeprefix(SCALE)}" for p in paths if p.startswith(SCALE)}
-    if not beside:
-        return experiment, list(paths)
-    loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
-    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
-    scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
-    made = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
-    return made, [SCALE + beside[p] if p in beside else p for p in paths]
-
-
-BINS = 80
-"""A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
-shows as a larger scatter of their means."""
 TIMES = 7
 """Correlation times that are tried, from one stretch to half the record."""
 SURE = 5.0
 """Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
 OWN = 0.5
 """Share of what is known of a direction from which a trace is held to decide it alone."""
+ROUNDED = 2.0
+"""What wanders by no more than so many times the variance of rounding is rounding."""
 FEWEST = 12
 """Stretches beyond the unknowns, below which nothing can be said."""
 
@@ -176,23 +76,6 @@ class Autocorrelation(Renamed):
         return {(t.record, t.sensor): t.effective_samples for t in self.traces}
 
 
-@dataclass(frozen=True, eq=False)
-class Binned:
-    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom.
-
-    `effective_share` is what a sample is worth by what is said of its noise.
-    """
-
-    mean: Array
-    count: Array
-    times: Array
-    slopes: Array
-    within: float
-    inner: int
-    squares: float
-    effective_share: float = 1.0
-
-
 def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
     """Autocorrelation of the residuals of a fit by restricted likelihood, and what it adds to the covariance of J'r.
 
@@ -203,88 +86,87 @@ def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_sca
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     pieces = binned(problem, found.fitted, loss, loss_scale)
-    spread = autocorrelation_of_traces(pieces, found, problem.effective_samples)
-    return replace(spread, score_excess=spread.score_excess + excess_of_inputs(problem, found.fitted, pieces))
+    return autocorrelation_of_traces(pieces, found, problem.effective_samples, answers_to_inputs(problem, found.fitted, pieces))
 
 
-def autocorrelation_of_traces(pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float) -> Autocorrelation:
-    """Return the same of traces in stretches of time; `effective_samples` are those of all by what is said of their noise."""
-    size = found.fitted.size
+def autocorrelation_of_traces(
+    pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float, inputs: Mapping[tuple[str, str], Array] | None = None
+) -> Autocorrelation:
+    """Return the same of traces in stretches of time.
+
+    Parameters
+    ----------
+    pieces : dict               (record, sensor) -> its residuals in stretches of time.
+    found : Fit
+    effective_samples : float   Of all traces, by what is said of their noise.
+    inputs : dict               What noise of logged signals does to each trace, see `answers_to_inputs`; none where nothing is given.
+    """
+    inputs = inputs or {}
     weights = finite(covariances(found)[2])
     # directions without information count as decided by each trace alone
     known = square_root(weights)
     # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
     taken = float(np.trace(weights @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
-    parts = {key: _parts(b, known, alike) for key, b in pieces.items()}
+    parts = {key: _parts(b, known, alike, inputs.get(key)) for key, b in pieces.items()}
     calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
     variance_factor = 1.0
     if calm:
         squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in calm)
         if len(calm) == len(parts):
             squares = found.chi_square
+        # what noise of logged inputs does to the residuals is counted by itself
+        squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in calm if k in inputs)
         variance_factor = max(1.0, squares / max(samples * (1.0 - taken / max(effective_samples, 1.0)), 1.0))
-    traces, score_excess = [], np.zeros((size, size))
-    for (record, sensor), (white, correlated, time) in parts.items():
-        b = pieces[record, sensor]
-        total = float(b.count.sum())
-        effective_size = total
-        if white > 0.0:
-            weighed = b.count[:, None] * b.slopes
-            like = correlation(b.times, time)
-            added = correlated * weighed.T @ like @ weighed
-            if b.effective_share < 1.0:
-                # the weights stand for correlated noise already; what residuals wander beyond that is added
-                score_excess += _not_below_zero((white - variance_factor) * b.slopes.T @ weighed + added)
-            else:
-                score_excess += max(white - variance_factor, 0.0) * b.slopes.T @ weighed + added
-            one = white if correlated > 0.0 else b.within
-            effective_size = total * min((one + correlated) / (white + correlated * float(b.count @ like @ b.count) / total), 1.0)
-        traces.append(TraceNoise(record, sensor, int(total), white, correlated, time, effective_size))
-    return Autocorrelation(tuple(traces), variance_factor, score_excess)
+    traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
+    return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
 
 
-def stretch_means(values: Array, place: Indices, size: int) -> Array:
-    """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
-    return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
+def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
+    """Return the noise of a trace, with the independent samples that it is worth."""
+    total = float(b.count.sum())
+    effective = total
+    if white > 0.0:
+        one = white if correlated > 0.0 else b.within
+        mean = float(b.count @ correlation(b.times, time) @ b.count) / total
+        effective = total * min((one + correlated) / (white + correlated * mean), 1.0)
+    if b.shares_rounding:
+        shared = float(np.sum(b.rounding.sum(axis=0) ** 2)) / total - b.rounded
+        effective = min(effective, total / max(1.0 + shared, 1.0))
+    return TraceNoise(*key, int(total), white, correlated, time, effective)
 
 
-def binned_trace(z: Array, weighed: Array, place: Indices, centres: Array, slopes: Array, effective_share: float) -> Binned:
-    """Return a trace in the stretches that hold samples.
+def score_excess(
+    pieces: Mapping[tuple[str, str], Binned],
+    traces: Sequence[TraceNoise],
+    variance_factor: float,
+    inputs: Mapping[tuple[str, str], Array],
+) -> Array:
+    """Return what noise adds to the covariance of J'r over ``variance_factor J'J`` (unknowns, unknowns), the same for fits and plans.
 
     Parameters
     ----------
-    z, weighed : array (samples,)           Residuals in units of the noise, and times the weight of a robust loss.
-    place : array (samples,)                Stretch of each sample.
-    centres : array (stretches,)            Times. [s]
-    slopes : array (stretches, unknowns)    Derivatives of the residuals.
+    pieces : dict               (record, sensor) -> its derivatives in stretches of time, and its rounding errors.
+    traces : sequence           The white and the autocorrelated part of each.
+    variance_factor : float     Variance of the white traces, in squares of the noise.
+    inputs : dict               (record, sensor) -> what a standard deviation of each independent cause does to it (stretches, causes).
     """
-    count = np.bincount(place, minlength=centres.size).astype(float)
-    mean, full = stretch_means(weighed, place, centres.size), count > 0
-    inside, spare = weighed - mean[place], z.size - int(full.sum())
-    within = float(inside @ inside) / max(spare, 1)
-    return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
-
-
-def binned(
-    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = BINS
-) -> dict[tuple[str, str], Binned]:
-    """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
-    out: dict[tuple[str, str], Binned] = {}
-    blocks = iter(problem.blocks(fitted))
-    for i, experiment in enumerate(problem.experiments):
-        times = experiment.times
-        own, count = times.size <= 2 * BINS, min(bins, times.size // 2)
-        edges = times if own else np.linspace(times[0], times[-1], count + 1)[:-1]
-        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / count
-        slopes = problem.slopes(i, fitted, centres)
-        for k, o in enumerate(experiment.observations):
-            block = next(blocks)
-            z = block.weighted
-            weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
-            place = np.searchsorted(edges, times[o.index], side="right") - 1
-            out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share)
-    return out
+    size = next((b.slopes.shape[1] for b in pieces.values()), 0)
+    out = np.zeros((size, size))
+    for t in traces:
+        b = pieces[t.record, t.sensor]
+        weighed = b.count[:, None] * b.slopes
+        if t.white_variance > 0.0:
+            added = t.correlated_variance * weighed.T @ correlation(b.times, t.correlation_time) @ weighed
+            if b.effective_share < 1.0:
+                # the weights stand for correlated noise already; what residuals wander beyond that is added
+                out += _not_below_zero((t.white_variance - variance_factor) * b.slopes.T @ weighed + added)
+            else:
+                out += max(t.white_variance - variance_factor, 0.0) * b.slopes.T @ weighed + added
+        if b.shares_rounding:
+            moved = b.slopes.T @ b.rounding
+            out += _not_below_zero(moved @ moved.T - b.rounded * b.slopes.T @ weighed)
+    return out + score_of_inputs(pieces, inputs)
 
 
 def _not_below_zero(matrix: Array) -> Array:
@@ -298,17 +180,22 @@ def correlation(times: Array, time: float) -> Array:
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
 
 
-def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
+def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]], inputs: Array | None = None) -> tuple[float, float, float]:
     """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
 
-    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones.
+    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones. What noise of logged `inputs`
+    explains, and what rounding to steps does, is no wandering.
     """
     root = np.sqrt(b.count)
-    decided, free = _beside(root[:, None] * b.slopes @ known)
+    calmed = np.diag(root)
+    if inputs is not None and inputs.size:
+        sizes, vectors = np.linalg.eigh(np.eye(root.size) + (root[:, None] * inputs) @ (root[:, None] * inputs).T)
+        calmed = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
+    decided, free = _beside(calmed @ b.slopes @ known)
     spare = free.shape[1]
     if spare < FEWEST:
         return 0.0, 0.0, 0.0
-    y = free.T @ (root * b.mean)
+    y = free.T @ (calmed @ b.mean)
     calm = float(y @ y) / spare
     if not calm > 0:
         return 0.0, 0.0, 0.0
@@ -317,7 +204,7 @@ def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[fl
     key = b.times.tobytes()
     if key not in alike:
         alike[key] = [correlation(b.times, time) for time in times]
-    likes = [root[:, None] * like * root for like in alike[key]]
+    likes = [calmed @ like @ calmed.T for like in alike[key]]
     lean = _leaning(likes, decided, free @ y, calm)
     tried: dict[int, tuple[float, float, float]] = {}
     at = int(lean.argmax())
@@ -333,6 +220,8 @@ def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]]) -> tuple[fl
     if gain <= SURE:
         white, correlated, time = calm, 0.0, 0.0
     # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
+    if b.shares_rounding and correlated <= ROUNDED * b.rounded:
+        return 0.0, 0.0, 0.0
     quick = b.inner > spare and white > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
     return (white, correlated, time) if correlated > 0 or quick else (0.0, 0.0, 0.0)
 

@@ -31,15 +31,15 @@ from thermid.measure.record.channel import (
     SecondClock,
     digest,
     even_step,
-    from_unit,
     gap_from,
     gap_limit,
     stretch,
     with_sensor,
 )
+from thermid.measure.record.scatter import step_of
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.units import TEMPERATURE, format_value, unit
+from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -233,7 +233,7 @@ class Record(Samples):
         for each in self._temperatures(channels, "spikes"):
             centre, spread = windows.hampel(self.times, each.values, each.valid, width)
             # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
-            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * _sensor_step(each))
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(each))
             masked.append(each.masked(np.abs(each.values - centre) > allowed, "spike"))
         unit = "K" if absolute else "robust standard deviations"
         return self._noted(
@@ -380,7 +380,7 @@ class Record(Samples):
             if not isinstance(table, Mapping) or len(table) != 1:
                 raise RecordError(f"{table!r} is no step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
             ((name, given),) = table.items()
-            refuse_unknown(table, STEPS, where, "step")
+            refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
             options = _options(STEPS[name], given, f"{where}, {name}")
             try:
                 record = getattr(record, STEPS[name].method)(**options)
@@ -488,21 +488,6 @@ class Record(Samples):
         return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
 
 
-def _sensor_step(channel: Channel) -> float:
-    """Return the step of a sensor: its resolution, or the usual difference between the levels that it took, or zero.
-
-    A record that takes each value twice or more on average is one of levels.
-    """
-    if channel.resolution is not None:
-        return channel.resolution
-    samples = channel.values[channel.valid]
-    levels = np.unique(np.round(samples, 9))  # a level converted from degC may differ in its last digit
-    if not 1 < levels.size <= samples.size / 2:
-        return 0.0
-    # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
-    return float(np.quantile(np.diff(levels), 0.25, method="lower"))
-
-
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
     """Return a channel whose samples take some places among more, with nothing between them."""
     values, valid = np.full(samples, np.nan), np.zeros(samples, dtype=bool)
@@ -545,7 +530,7 @@ STEPS: Final = {
 def _options(step: Step, given: object, where: str) -> dict[str, object]:
     """Return the options of one step by name."""
     if isinstance(given, Mapping):
-        refuse_unknown(given, step.options, where, "option")
+        refuse_unknown(given, step.options, where, "no option '{}'; there are {known}.")
         options = dict(given)
     elif given is True and step.required == 0:
         options = {}
@@ -563,11 +548,11 @@ def _options(step: Step, given: object, where: str) -> dict[str, object]:
 def _texts(values: FloatArray, text: str) -> list[str]:
     """Return SI values as numbers in a unit, short where the short form gives the same SI value again."""
     of = unit(text)
-    numbers = ((values - float(of.offset)) / float(of.factor)).tolist()
+    numbers = from_si(values, of).tolist()
     texts = [f"{number:.17g}" for number in numbers]
     # the offset of a scale leaves rounding in late decimals; the first form that gives the same SI value again is the one of the file
     for short in ([f"{number:.15g}" for number in numbers], [f"{round(number, 9):.15g}" for number in numbers]):
-        same = (from_unit(np.array(list(map(float, short))), text) == values).tolist()
+        same = (in_si(np.array(list(map(float, short))), text) == values).tolist()
         texts = [brief if good else long for brief, good, long in zip(short, same, texts, strict=True)]
     return texts
 

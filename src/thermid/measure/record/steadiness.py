@@ -13,9 +13,10 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.errors import RecordError, look_up, nearest
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import Channel, FloatArray, Samples, stretch
+from thermid.measure.record.scatter import step_of
 from thermid.units import format_value
 
 R = TypeVar("R", bound=Samples)
@@ -289,7 +290,7 @@ def channel_drift(record: Samples, name: str, start: float, end: float) -> Chann
     channel = record.channel(name)
     inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
     t, y = record.times[inside], channel.values[inside]
-    line = _line(t, y, 0.0, resolution_of(channel), f"{record.name}, {channel.name}", "rate")
+    line = _line(t, y, 0.0, step_of(channel), f"{record.name}, {channel.name}", "rate")
     return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
 
 
@@ -297,17 +298,6 @@ def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: 
     """Return what the readings of one window say by a rule on the rate."""
     drift = channel_drift(record, name, start, end)
     return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
-
-
-def resolution_of(channel: Channel) -> float:
-    """Return the smallest step of a sensor: as given, or as its readings show it; zero where they show none. [K]"""
-    if channel.resolution is not None:
-        return channel.resolution
-    seen = channel.values[channel.valid]
-    levels = np.unique(np.round(seen, 6))
-    if levels.size < 2 or levels.size > seen.size / 8:
-        return 0.0
-    return float(np.median(np.diff(levels)))
 
 
 def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf, looks: int = 120) -> float | None:
@@ -399,23 +389,22 @@ class SteadyPoint(Generic[R]):
         ------
         NameNotFoundError   With the nearest name.
         """
-        if name not in self.values:
-            raise NameNotFoundError(f"no channel '{name}'.{nearest(name, self.values)}", self.name)
-        return self.values[name]
+        return look_up(name, self.values, "no channel '{}'.", self.name)
 
     @property
     def record(self) -> R:
         """The point as a record of two equal readings, for `calibrate` beside others, in a scenario that starts steady.
 
-        Two readings of noise sqrt(2) times the point's error weigh as one of that error; the accuracy of each instrument stays.
+        Two readings of noise sqrt(2) times the point's error weigh as one of that error. The error of a mean boundary or power is one that
+        both samples share. The accuracy of each instrument stays.
         """
         channels = {}
         for name, v in self.values.items():
             given = self.source.channel(name)
-            size = max(v.error, 1e-9) * 2.0**0.5
-            noise = size if given.quantity == "temperature" else given.noise
+            read = given.quantity == "temperature" and given.role != "boundary"
             values, valid = np.full(2, v.value), np.ones(2, dtype=bool)
-            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise)
+            noise = max(v.error, 1e-9) * 2.0**0.5 if read else None
+            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
         steps = (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s")
         return replace(
             self.source, name=self.name, times=np.array([0.0, self.end - self.start]), channels=channels, steps=steps, second=None
@@ -474,7 +463,7 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     y, t = channel.values[inside][valid], times[valid]
     place = f"{where}, {channel.name}"
     thermal = channel.quantity == "temperature"
-    step = resolution_of(channel) if thermal else channel.resolution or 0.0
+    step = step_of(channel) if thermal else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, place, "mean")
     if thermal and abs(line.rate) - SURE * line.rate_error > most:
         raise RecordError(

@@ -99,16 +99,17 @@ def _text(model: Model, like: Path | None) -> str:
 def _lay(data: dict[str, Any], path: str, value: Any) -> None:
     """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
     head, _, rest = path.partition(".")
-    tables = ("nodes", "surfaces", "conductors", "joints", "loads")
+    tables = ("nodes", "surfaces", "conductors", "joints", "loads", "controls")
     home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
     key = rest
     if path in data.get("set", {}):
         home, key = data["set"], path
     elif home is None:
         home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
-    elif "." in rest:
-        group, _, key = rest.partition(".")
-        home = home[group]
+    else:
+        while "." in key:
+            group, _, key = key.partition(".")
+            home = home[group]
     home[key] = value
 
 

@@ -272,6 +272,23 @@ class TableSignal:
         """Return the signal with other times for its samples, those of another clock; its ends hold for what that leaves open. [s]"""
         return replace(self, times=law(self.times), before="hold", after=self.after or "hold")
 
+    def changed_within(self) -> TableSignal:
+        """Return a signal that was sampled, with each change in the middle of the interval in which it happened."""
+        times, change = self.times.copy(), 1 + np.flatnonzero(np.diff(self.values))
+        times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
+        return replace(self, times=times)
+
+    def largest_changes(self, most: int) -> list[int]:
+        """Return the places of its largest changes, so many at most, the largest first."""
+        steps = np.abs(np.diff(self.values))
+        return [int(k) + 1 for k in np.argsort(-steps, kind="stable")[: min(most, np.count_nonzero(steps))]]
+
+    def delayed(self, place: int, by: float) -> TableSignal:
+        """Return the signal with one of its samples later. [s]"""
+        times = self.times.copy()
+        times[place] += by
+        return replace(self, times=times)
+
     def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return what follows from each value by itself; between samples it is as straight, or held, as before."""
         return replace(self, values=law(self.values), unit="")
