@@ -34,7 +34,7 @@ class RecordTable(StrictTable):
     time: str | None = None
     channels: dict[str, str | Annotated[dict[str, Any], WithJsonSchema(channel_schema())]]
     prepare: list[dict[str, Any]] = []
-    joined: JoinedTable | None = None
+    joined: JoinedTable | list[JoinedTable] | None = None
     local: dict[str, LocalTable] = {}
     separator: str | None = None
     decimal: str | None = None
