@@ -179,6 +179,7 @@ class Candidate:
     evidence : float        The same less what chance gains with as many parameters (difference of BIC). [-]
     rmse : (float, float)   Before and after, all sensors. [K]
     fit : Calibration       The refit; None where it was refused.
+    chosen : int            Numbers chosen before the refit, such as the time of a course; they count as fitted ones.
     """
 
     name: str
@@ -188,6 +189,7 @@ class Candidate:
     evidence: float
     rmse: tuple[float, float]
     fit: Calibration | None
+    chosen: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return its figures, in SI; `tried` is whether the refit was possible."""
@@ -346,7 +348,7 @@ def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, mo
     gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
     added = max(len(found.fitted) - len(fit.fitted), 1) + missing.chosen
     evidence = gain - added * np.log(max(count, 2.0))
-    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found)
+    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found, missing.chosen)
 
 
 def _rmse(fit: Calibration) -> float:
