@@ -56,7 +56,7 @@ def _labview(times: np.ndarray, columns: dict[str, np.ndarray]) -> str:
 def _planilha(times: np.ndarray, columns: dict[str, np.ndarray]) -> str:
     first = int(np.searchsorted(times, LATE["potencia"]))
     lines = ["SYNTHETIC;fonte de bancada", ";".join(["Data", "Hora", *(f"{name} (W)" for name in columns)])]
-    for k in range(first, times.size, 60):
+    for k in range(first, times.size, 10):
         numbers = (f"{v[k]:.4f}".replace(".", ",") for v in columns.values())
         lines.append(";".join(["20/11/2026", _clock(times[k]), *numbers]))
     return "\n".join(lines) + "\n"

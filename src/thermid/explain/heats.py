@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -388,20 +388,24 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tup
         return course.words(power), power > 0.0
 
     kept = f"; keep it by [stages.courses.start_up] with into = '{node}'"
-    return least, MissingElement(f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, 1)
+    return least, MissingElement(
+        f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, course.within, chosen=1
+    )
 
 
 def _stretch(request: Request, heat: Heat) -> MissingElement:
     """Return a constant power in the window of a heat."""
     cycle = {"times": [f"{t!r} [s]" for t in (0.0, *heat.window)], "values": [0.0, 1.0, 0.0], "hold": True, "period": ONE_TURN}
     load = watts(heat.name, power={"value": "0.1 [W]", "min": -1e6}, cycle=cycle)
-    made = replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
+
+    def make(request: Request) -> Request:
+        return replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
 
     def judge(told: Calibration) -> tuple[str, bool]:
         power = told["unlogged.power"].value
         return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
 
-    return MissingElement(f"a power at '{heat.name}' that no log gives, {heat.when}", made, judge, 2)
+    return MissingElement(f"a power at '{heat.name}' that no log gives, {heat.when}", make(request), judge, make, chosen=2)
 
 
 def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
@@ -413,22 +417,29 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
     if not seen or power <= 0.0 or set(given.fields) != {"power"}:
         return None
     low, high = float(seen[0].measured.min()), float(seen[0].measured.max())
-    tried = []
-    for above in (0.1, 0.5, 1.5):
+
+    def law(above: float) -> Callable[[Request], Request]:
         setpoint = high + above * (high - low)
         gain = power / max(setpoint - 0.5 * (low + high), 0.1)
-        law = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
-        model = with_load(request.model, load, watts(given.into, power=f"{5.0 * power!r} [W]", proportional=law))
-        free = (*(p for p in request.free if p != f"{load}.power"), f"{load}.proportional.gain", f"{load}.proportional.setpoint")
-        made = replace(request, model=model, free=free)
-        end = _end(RoughFit.of(made, fit), fit.named(base))
-        tried += [(end.cost, made)] if end is not None else []
-    if not tried:
+        fields = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
+        heater = watts(given.into, power=f"{5.0 * power!r} [W]", proportional=fields)
+        own = (f"{load}.proportional.gain", f"{load}.proportional.setpoint")
+
+        def make(request: Request) -> Request:
+            kept = tuple(p for p in request.free if p != f"{load}.power")
+            return replace(request, model=with_load(request.model, load, heater), free=(*kept, *own))
+
+        return make
+
+    laws = [law(above) for above in (0.1, 0.5, 1.5)]
+    ends = [(end.cost, k) for k, make in enumerate(laws) if (end := _end(RoughFit.of(make(request), fit), fit.named(base))) is not None]
+    if not ends:
         return None
+    make = laws[min(ends)[1]]
 
     def judge(told: Calibration) -> tuple[str, bool]:
         gain, setpoint = told[f"{load}.proportional.gain"].value, told[f"{load}.proportional.setpoint"].value
         return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
 
     name = f"a regulated load: the power of '{load}' follows the temperature of '{given.into}'"
-    return MissingElement(name, min(tried, key=lambda each: each[0])[1], judge)
+    return MissingElement(name, make(request), judge, make)
