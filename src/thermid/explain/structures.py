@@ -326,7 +326,7 @@ class _Searching:
             return None
         top = max(m.held.likelihood(scale) for m in able)
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
-        return min(near, key=lambda m: (m.nodes, -m.held.likelihood(scale)))
+        return min(near, key=lambda m: _rank(m, scale))
 
     def _challenge(self, best: FittedStructure) -> None:
         """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
@@ -406,7 +406,12 @@ class _Searching:
         scale = self._scale()
         own = best.held.likelihood(scale)
         alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
-        return min(alike, key=lambda s: (s.nodes, -s.held.likelihood(scale))) if alike else best
+        return min(alike, key=lambda s: _rank(s, scale)) if alike else best
+
+
+def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, float]:
+    """Return what the simplest of equals is least in: masses, then held-out likelihood with half a unit for each unknown."""
+    return one.nodes, 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
 
 
 def _pair(a: Score, b: Score) -> Score:
