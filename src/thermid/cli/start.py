@@ -11,6 +11,7 @@ import typer
 
 from thermid.campaign.stages import run_stages
 from thermid.cli.options import Json, leave, pairs, say
+from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
 from thermid.reporting.pages import campaign as page
 from thermid.start.examples import EXAMPLES, copy_example, example_named
@@ -45,7 +46,7 @@ def init(
         _from_template(template, to, as_json)
         return
     if template:
-        raise typer.BadParameter("a template is for a project without a log; give one of them.")
+        raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
     scales = pairs(full_scale or [], "--full-scale")
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
     if sys.stdin.isatty() and not as_json:
@@ -77,7 +78,7 @@ def _from_template(name: str, to: Path, as_json: bool) -> None:
         typer.echo("  tclab: two heaters on a board, real measurements", err=True)
         name = typer.prompt("1 of 1. Template", default="part", err=True)
     if not name:
-        raise typer.BadParameter(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.")
+        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init")
     if name == "tclab":
         made = copy_example(name, to if to != Path() else None, copies(None))
         say(as_json, {"files": [str(made.folder)], "next": made.example.first}, str(made))
@@ -134,7 +135,7 @@ def example(
         return
     asked = example_named(name)
     if run and not asked.campaign:
-        raise typer.BadParameter(f"example '{name}' has no campaign; its command is: {asked.first}")
+        raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
         typer.echo(asked.data.words, err=True)
     made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)

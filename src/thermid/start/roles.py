@@ -172,7 +172,7 @@ def roles_of(
     guessed = {kind: [n for n, c in columns.items() if c.guess == kind] for kind in ("temperature", "boundary", "power", "duty")}
     around = surroundings or next(iter(guessed["boundary"]), "")
     parts = dict(_pair(t) for t in temperatures) or {
-        n: word(n)
+        n: part_name(n)
         for n in (*guessed["temperature"], *guessed["boundary"])
         if n != around and n not in [p.partition("=")[0] for p in powers]
     }
