@@ -54,7 +54,9 @@ COMMANDS = {
         "symbolic",
     ),
     "export": Place(
-        "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
+        "exchange.export",
+        "Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN.",
+        "symbolic",
     ),
     "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),
     "htc": Place(
@@ -80,6 +82,10 @@ COMMANDS = {
     "credibility": Place("fit.credibility", "Say of every value its source, state, level, tests, date, range and origin."),
     "identify": Place(
         "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
+    ),
+    "estimate": Place(
+        "fit.estimate",
+        "Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon.",
     ),
     "profile": Place(
         "qualify.profile",
