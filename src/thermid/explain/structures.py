@@ -146,7 +146,7 @@ class _Plain:
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class PromisedChange:
     """What one evaluation promises of a change.
 
     Parameters
@@ -333,7 +333,7 @@ class _Searching:
         for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
             self._refitted(best, score)
 
-    def _scores(self, best: FittedStructure) -> list[Score]:
+    def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return the score of every change."""
         seen = Fitted.of_problem(best.request, best.problem, best.end.fitted)
         reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
@@ -354,15 +354,15 @@ class _Searching:
                 except ThermidError:
                     continue
                 self.scored += 1
-                out.append(Score(change, start, (before - after) / reduced))
-        best_of: dict[str, Score] = {}
+                out.append(PromisedChange(change, start, (before - after) / reduced))
+        best_of: dict[str, PromisedChange] = {}
         for score in out:
             rival = best_of.get(score.change.name)
             if rival is None or score.gain > rival.gain:
                 best_of[score.change.name] = score
         return list(best_of.values())
 
-    def _refitted(self, best: FittedStructure, score: Score) -> FittedStructure | None:
+    def _refitted(self, best: FittedStructure, score: PromisedChange) -> FittedStructure | None:
         if self._late():
             return None
         try:
@@ -414,8 +414,8 @@ def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple
     return one.nodes, 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
 
 
-def _pair(a: Score, b: Score) -> Score:
-    return Score(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
+def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
+    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
 def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:
