@@ -532,6 +532,7 @@ class _ConductorTable(ElementTable):
     fluid: str = ""
     to: str = ""
     control: Controlled | None = None
+    reversible: bool = False
 
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
@@ -544,6 +545,8 @@ class _ConductorTable(ElementTable):
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
+        if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
+            raise DeckError("reversible belongs to a flow; of a gas to one that is given as mass_flow.", where("reversible"))
         points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
             raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
@@ -558,7 +561,8 @@ class _ConductorTable(ElementTable):
         if self.takes and "area" not in fields:
             raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
         law = shape if points is None else limited(points)
-        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, control_names(self.control))
+        by = control_names(self.control)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
 
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
