@@ -512,7 +512,7 @@ def surrounding(flat: Flat) -> frozenset[str]:
 
 def _convected(flat: Flat) -> set[str]:
     found = {face.to for face in flat.faces.values() if face.exchange}
-    found |= {c.gas for c in flat.conductors if c.path.endswith(".gap") and c.kind == "convection"}
+    found |= {c.gas for c in flat.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
     return found | {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
 
 

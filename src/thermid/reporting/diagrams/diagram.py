@@ -29,6 +29,8 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "radiation": ("dotted", "radiation"),
     "gas": ("dashed", "gas at rest"),
     "flow": ("flow", "one-way flow"),
+    "duct": ("dashed", "stream in a duct"),
+    "heat_sink": ("dashed", "stream through a heat sink"),
     "lead": ("solid", "lead"),
     "heat_pipe": ("mixed", "heat pipe"),
     "bolted": ("solid", "bolted joint"),
