@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field, create_model
 
 from thermid.errors import DeckError, ThermidError, nearest
 from thermid.grammar import StrictTable, reads
-from thermid.model.deck.assemblies import CoolerTable, LadderTable, PackageTable
+from thermid.model.deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model.deck.fields import (
     Coefficient,
     CurveTable,
@@ -639,6 +639,7 @@ class Deck(StrictTable):
     packages: dict[str, PackageTable] = {}
     ladders: dict[str, LadderTable] = {}
     coolers: dict[str, CoolerTable] = {}
+    fans: dict[str, FanTable] = {}
     tables: dict[str, RowsTable] = {}
     set: dict[str, Value] = {}
     cuts: list[str] = []
@@ -646,7 +647,20 @@ class Deck(StrictTable):
     made_in: dict[str, MadeInTable] = {}
 
 
-GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls", "submodels", "packages", "ladders", "coolers")
+GROUPS = (
+    "nodes",
+    "surfaces",
+    "conductors",
+    "joints",
+    "enclosures",
+    "loads",
+    "controls",
+    "submodels",
+    "packages",
+    "ladders",
+    "coolers",
+    "fans",
+)
 """Groups of a deck whose elements a table of rows may make."""
 
 
