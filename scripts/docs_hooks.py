@@ -41,6 +41,7 @@ ROOMS = {
     "knowledge": "What is known of values: how far they may be trusted, their uncertainty by source.",
     "fit": "Fits, and the alignment of clocks.",
     "inference": "What logs can tell beyond a fit: identifiability, profiles, valleys, posterior samples.",
+    "estimation": "Fits and states where the model itself is driven by noise.",
     "power": "Powers that nobody measured.",
     "explain": "Why a model misses, which parameters would explain it, and whether values are physical.",
     "judge": "Verdicts on records that no fit has seen; correlation, limits, margins, comparisons.",
@@ -61,6 +62,7 @@ ROOMS = {
 
 PICTURES = {
     "pictures/stack.svg": ("", "diagram", "examples/02_stack/m_PrE.toml"),
+    "pictures/cabinet.svg": ("docs/streams.md", "diagram", "cabinet.toml"),
     "pictures/box.svg": ("docs/tutorial.md", "diagram", "box.toml"),
     "pictures/board.svg": ("docs/elements.md", "diagram", "board.toml"),
     "pictures/cooler.svg": ("docs/elements.md", "diagram", "cooler.toml"),
