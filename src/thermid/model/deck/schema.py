@@ -33,7 +33,7 @@ from thermid.model.laws.curves import Curve, limited
 from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
 from thermid.model.laws.stores import melting, tabulated
-from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, Transition, check_modes, followed, of_difference
+from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model.parts.elements import (
     CONTROLS,
     LOAD_SLOTS,
@@ -479,11 +479,11 @@ class ControlTable(ElementTable):
             if self.table.outside == "refuse":
                 raise DeckError("a control's table is held or goes on outside its points; it cannot refuse a temperature.", where("table"))
 
-    def _transition(self, t: TransitionTable, where: str) -> Transition:
+    def _transition(self, t: TransitionTable, where: str) -> ModeChange:
         senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
         if len(senses) != 1:
             raise DeckError("a transition has one of above, below (a temperature) and after (a time in its mode).", where)
-        return Transition(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
+        return ModeChange(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
 class MadeInTable(StrictTable):

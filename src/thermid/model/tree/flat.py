@@ -13,7 +13,7 @@ from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, quo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import HeatStore, potential, store
-from thermid.model.parts.controls import COMPLEMENT, Control, Transition, named_control, of_difference, slot_of
+from thermid.model.parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.parts.enclosures import Face, pairs
 from thermid.model.parts.facing import Facing
@@ -113,7 +113,7 @@ class FlatControl:
     ways: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
     where: str = ""
 
-    def transition(self, name: str) -> tuple[Transition, tuple[tuple[str, float], ...]]:
+    def transition(self, name: str) -> tuple[ModeChange, tuple[tuple[str, float], ...]]:
         """Return a transition and what it follows."""
         return self.control.transitions[name], self.ways[name]
 
