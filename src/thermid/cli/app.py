@@ -93,6 +93,10 @@ COMMANDS = {
         "logs.settle",
         "Say whether a log is stable by a rule and where it will end; leave with 1 when it is not stable, 4 when that cannot be told.",
     ),
+    "watch": Place(
+        "watch.watch",
+        "Watch a running test: when to stop, what nobody measures, what went wrong. Exit code 0 at a stop, 1 with an alarm, 4 if declined.",
+    ),
     "plan": Place("qualify.plan", "Say what a plan predicts of each test, and whether it stands as it was locked."),
     "qualify": Place(
         "qualify.qualify",
