@@ -50,7 +50,11 @@ def watch(
         raise RecordError(f"the time between looks is above zero, not '{every}'.", "--every")
     deck = None if model is None else load_model(model)
     said = load_scenario(scenario) if scenario is not None else Scenario(log.name) if boundary else None
-    said = said.with_(boundaries=pairs(boundary, "--boundary")) if said is not None and boundary else said
+    said = (
+        said.with_(boundaries={n: with_unit(t, "degC") for n, t in pairs(boundary, "--boundary").items()})
+        if said is not None and boundary
+        else said
+    )
     watcher: Watcher | None = None
     look: Look | None = None
     at, seen = 0.0, -1.0

@@ -162,6 +162,8 @@ WINDOW: Final = 2400.0
 """How far back a fault is looked for. [s]"""
 BEGINNINGS: Final = (60.0, 120.0, 180.0, 300.0, 480.0, 780.0, 1260.0, 2100.0)
 """Before now, when a fault may have begun. [s]"""
+CLOSER: Final = 12
+"""Further beginnings that are tried about the best one."""
 CERTAIN: Final = 20.0
 """Rise of the log-likelihood from which a fault is named: chance makes one in 2e8 of a single question, and a day of looks asks 1e5."""
 CLEARER: Final = 2.0
@@ -374,13 +376,17 @@ class _Window:
     def alarms(self) -> list[Alarm]:
         """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
         end = float(self.dynamics.grid[-1])
-        found = [a for back in BEGINNINGS if end - back > 0.0 for a in self._began(end - back)]
-        if not found:
+        backs = [0.0, *(back for back in BEGINNINGS if back < end)]
+        found = [a for back in backs[1:] for a in self._began(end - back)]
+        best = max(found, key=lambda a: a.gain, default=None)
+        if best is None or best.gain < CERTAIN:
             return []
+        # a beginning that is wrong blames what acts later or sooner: look closer about the best
+        k = int(np.argmin(np.abs(np.array(backs) - (end - best.since))))
+        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], CLOSER + 2)[1:-1]:
+            found += self._began(end - float(back))
         best = max(found, key=lambda a: a.gain)
         alike = {a.suspect: a for a in found if a.gain > best.gain - CLEARER}
-        if best.gain < CERTAIN:
-            return []
         if len(alike) == 1:
             return [best]
         others = ", ".join(f"{a.kind} {a.suspect}" for a in alike.values() if a.suspect != best.suspect)

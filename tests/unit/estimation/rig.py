@@ -16,24 +16,27 @@ ICE, NOISE = 273.15, 0.05
 AIR = {"air": "22 [degC]"}
 
 
-def rig(**changes: str) -> td.Model:
-    """Return the model; `changes` are parameters, such as ``joint="0.1 [W/K]"``."""
+def deck_of(**changes: str) -> dict[str, Any]:
+    """Return the deck; `changes` are parameters, such as ``joint="0.1 [W/K]"``."""
     parameters = {"joint": "2.5 [W/K]", "seam": "0.8 [W/K]", "htc": "14 [W/(m^2 K)]", "top": "6 [W/(m^2 K)]", "watts": "12 [W]"} | changes
-    return model_from_dict(
-        {
-            "title": "rig",
-            "needs": ["air"],
-            "parameters": parameters,
-            "nodes": {"chip": {"capacitance": "60 [J/K]"}, "case": {"capacitance": "450 [J/K]"}, "lid": {"capacitance": "250 [J/K]"}},
-            "conductors": {
-                "pad": {"kind": "conduction", "between": ["chip", "case"], "conductance": "joint"},
-                "screws": {"kind": "conduction", "between": ["case", "lid"], "conductance": "seam"},
-                "fins": {"kind": "convection", "between": ["case", "air"], "htc": "htc", "area": "0.04 [m^2]"},
-                "lid_air": {"kind": "convection", "between": ["lid", "air"], "htc": "top", "area": "0.02 [m^2]"},
-            },
-            "loads": {"heater": {"into": "chip", "power": "watts"}},
-        }
-    )
+    return {
+        "title": "rig",
+        "needs": ["air"],
+        "parameters": parameters,
+        "nodes": {"chip": {"capacitance": "60 [J/K]"}, "case": {"capacitance": "450 [J/K]"}, "lid": {"capacitance": "250 [J/K]"}},
+        "conductors": {
+            "pad": {"kind": "conduction", "between": ["chip", "case"], "conductance": "joint"},
+            "screws": {"kind": "conduction", "between": ["case", "lid"], "conductance": "seam"},
+            "fins": {"kind": "convection", "between": ["case", "air"], "htc": "htc", "area": "0.04 [m^2]"},
+            "lid_air": {"kind": "convection", "between": ["lid", "air"], "htc": "top", "area": "0.02 [m^2]"},
+        },
+        "loads": {"heater": {"into": "chip", "power": "watts"}},
+    }
+
+
+def rig(**changes: str) -> td.Model:
+    """Return the model."""
+    return model_from_dict(deck_of(**changes))
 
 
 def run(model: td.Model, seconds: float, start: Any, every: float) -> dict[str, Array]:
