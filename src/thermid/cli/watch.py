@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from thermid.cli.options import Boundaries, ScenarioPath, pairs, with_unit
-from thermid.errors import RecordError, ThermidError
+from thermid.errors import MissingDataError, RecordError
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.record import Record
@@ -59,7 +59,7 @@ def watch(
     look: Look | None = None
     at, seen = 0.0, -1.0
     while True:
-        record = _read(log, channel, noise, since, bool(deck))
+        record = _read(log, channel, noise, since, growing=not (once or replay))
         if record is not None and watcher is None:
             watcher = _watcher(record, rule, within, limit, slowest, deck, said, required)
             at = float(record.times[0])
@@ -104,14 +104,16 @@ def _watcher(
     return Watcher(Stopping(rule_of(rule), width, limits, required=required, **more), names)
 
 
-def _read(log: Path, channel: list[str], noise: str, since: str, whole: bool) -> Record | None:
+def _read(log: Path, channel: list[str], noise: str, since: str, growing: bool) -> Record | None:
     """Return the log as far as it is written; None where nothing can be read yet."""
     sits = {n: node or n for n, _, node in (text.partition("=") for text in channel)}
     try:
         names = list(sits) or temperature_columns(log)
+        if not names:
+            raise RecordError("no column looks like a temperature. Name them with --channel.", log.name)
         asked = {n: {"node": sits.get(n, n), "noise": with_unit(noise, "K")} for n in names}
         return read_record(log, asked).trim(with_unit(since, "s"), "end")
-    except ThermidError:
-        if not log.exists() or whole:
+    except (RecordError, MissingDataError):
+        if not growing:
             raise
-        return None
+        return None  # its first lines are still to come

@@ -102,8 +102,8 @@ def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm 
     steps = np.diff(y)
     far = np.flatnonzero(np.abs(steps) > _least(steps))
     for k in far[::-1]:  # a spike comes back, a sensor that is off stays
-        after = y[k + 1 : k + 1 + 2 * GONE]
-        if after.size >= GONE and abs(float(np.median(after)) - y[k]) > 0.5 * abs(steps[k]):
+        before, after = y[max(k + 1 - 2 * GONE, 0) : k + 1], y[k + 1 : k + 1 + 2 * GONE]
+        if after.size >= GONE and abs(float(np.median(after) - np.median(before))) > 0.5 * abs(steps[k]):
             words = f"jumped by {short(float(steps[k]))} K between two readings at {t[k + 1]:.0f} s and stayed there"
             return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
     if y.size > 2 * STUCK and not steps[-STUCK:].any() and np.mean(steps[:-STUCK] != 0.0) > MOVING:
