@@ -96,6 +96,7 @@ ARROWS |= {
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
+    "start": LOW | FIT | {"explain", "campaign"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),

@@ -54,7 +54,9 @@ COMMANDS = {
         "symbolic",
     ),
     "export": Place(
-        "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
+        "exchange.export",
+        "Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN.",
+        "symbolic",
     ),
     "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),
     "htc": Place(
@@ -109,6 +111,10 @@ COMMANDS = {
     "hold": Place(
         "fit.hold",
         "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
+    ),
+    "init": Place("start.init", "Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."),
+    "example": Place(
+        "start.example", "Copy a shipped example with its data into a new folder; published measurements are fetched and checked."
     ),
     "deliver": Place(
         "qualify.deliver", "Write decks, values, a reduced deck and what must come out into a folder, and check it from there."

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -13,9 +15,9 @@ import typer
 
 from thermid.campaign import credibility as origins
 from thermid.campaign.cache import file_name
-from thermid.campaign.file import read_campaign
+from thermid.campaign.file import local_of, read_campaign, scenario_of
 from thermid.campaign.retune import plan_retune
-from thermid.campaign.stages import Campaign, run_stages
+from thermid.campaign.stages import Campaign, plain_readings, run_stages
 from thermid.campaign.survey import survey
 from thermid.cli.options import (
     Accept,
@@ -41,8 +43,12 @@ from thermid.cli.options import (
 from thermid.errors import ScenarioError, SolverError
 from thermid.estimation.estimate import estimated
 from thermid.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import LocalSpec
+from thermid.model.laws.signal import literal
 from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
+from thermid.prediction.records import predict_record
 from thermid.reporting.pages import campaign as page
 from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pictures.trust import check_ending, picture
@@ -232,6 +238,9 @@ def predict(
     campaign: CampaignPath,
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
+    record: Annotated[
+        list[str], typer.Option("--record", help="A logged run of the campaign in place of a scenario, or a pattern; may be repeated.")
+    ] = [],  # noqa: B006
     spread: Annotated[
         list[str],
         typer.Option("--spread", help="NAME=SPREAD of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
@@ -247,12 +256,15 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
-    if scenario is None:
-        raise ScenarioError("a prediction needs a scenario: --scenario FILE.", "command line")
-    conditions = load_scenario(scenario)
+    if (scenario is None) == (not record):
+        raise ScenarioError("a prediction needs a scenario, --scenario FILE, or a logged run, --record NAME; one of both.", "command line")
+    conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
     stages = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results", accept=accept or ())
     name = stage or list(stages)[-1]
+    if conditions is None:
+        _predict_records(campaign, data, stages[name], name, record, as_json)
+        return
     predicted = prediction.predict(stages[name], conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
     times = moments(at, conditions.seconds)
     if csv is not None:
@@ -260,6 +272,39 @@ def predict(
     lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
     say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines))
     leave(predicted.standing)
+
+
+def _predict_records(campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool) -> None:
+    """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
+    source = read_campaign(campaign, data)
+    stage = next(s for s in source.content.stages if s.name == name)
+    told = []
+    for run in source.pick(patterns, "--record"):
+        verdict = next((v for v in source.content.verdicts if v.model == name and run in source.pick([v.record], "verdicts")), None)
+        own = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
+        given = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
+        readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
+        local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | own
+        told.append(
+            predict_record(
+                fit,
+                source.bound(run, stage),
+                scenario=scenario_of(given, run),
+                local=local,
+                readings=plain_readings(readings),
+                window=literal(stage.window, "s", "window"),
+            )
+        )
+    lines = [str(t) for t in told]
+    if len(told) > 1:
+        lines.append(f"{len(told)} runs: {100 * sum(t.inside() for t in told) / len(told):.0f} % of the readings inside their 95 % bands")
+    say(as_json, {"stage": name, "records": [t.to_dict() for t in told]}, "\n".join(lines))
+    leave(fit.standing)
+
+
+def _as_table(spec: LocalSpec) -> dict[str, str]:
+    """Return a value that each record has for itself as a table."""
+    return {"start": spec.start} | ({"sd": f"{spec.sd} [K]"} if math.isfinite(spec.sd) else {})
 
 
 def _spreads(texts: list[str]) -> dict[str, Any]:

@@ -21,6 +21,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.regime_runs import regimes_of
+from thermid.fit.regimes import KEY as REGIMES
 from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.fit.uncertainty.stretches import binned
 from thermid.knowledge.values import FittedValues
@@ -388,7 +390,9 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
+    regimes = regimes_of(fit, misfit)
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
+    provenance |= {REGIMES: regimes.to_dict()} if regimes is not None else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

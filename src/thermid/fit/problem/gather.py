@@ -128,7 +128,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
     for i, experiment in enumerate(experiments):
         named = set()
         for raw, spec in request.locals_of(experiment.record).items():
-            name = _wired(experiment, raw)
+            name = wired(experiment, raw)
             if isinstance(experiment.scenario.boundaries.get(name), TableSignal):
                 raise IdentificationError(
                     f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
@@ -191,7 +191,7 @@ def _tips(experiment: Experiment, name: str) -> list[str]:
     return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
 
 
-def _wired(experiment: Experiment, raw: str) -> str:
+def wired(experiment: Experiment, raw: str) -> str:
     """Return the name in the wiring of a boundary or of ``initial.<node>``."""
     head, _, node = raw.partition(".")
     return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
@@ -237,10 +237,10 @@ def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     if not request.fit_start:
         own = {o.seat: o.sensor for o in experiment.observations}
         found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
-    found |= {_wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    found |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
     found |= {tip: found[name] for name in tuple(found) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
-        for name in (_wired(experiment, raw), *_tips(experiment, _wired(experiment, raw))):
+        for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
             found.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters

@@ -47,6 +47,7 @@ from thermid.model.parts.elements import (
     Node,
     Surface,
     finish_emissivity,
+    gap_scatter,
 )
 from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
@@ -521,6 +522,20 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
         )
 
 
+def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: str) -> None:
+    """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
+    if not {"tilt", "aspect"} & set(words):
+        if "convection_factor" in fields:
+            raise DeckError("a convection_factor belongs to a gap that convects: give tilt and aspect.", where)
+        return
+    if not {"tilt", "aspect"} <= set(words):
+        raise DeckError('a gap that convects has tilt ("0 [deg]": its first end below) and aspect (height over thickness).', where)
+    tilt, aspect = degrees(words["tilt"], where), literal(words["aspect"], "1", where)
+    if not (0.0 <= tilt <= 180.0 and 1.0 <= aspect < float("inf")):
+        raise DeckError(f"a gap has a tilt from 0 to 180 degrees and an aspect of 1 or more, not {tilt:g} and {aspect:g}.", where)
+    fields.setdefault("convection_factor", gap_scatter(words, where))
+
+
 class _ConductorTable(ElementTable):
     """A path of heat between two nodes."""
 
@@ -531,6 +546,8 @@ class _ConductorTable(ElementTable):
     gas: str = ""
     fluid: str = ""
     to: str = ""
+    tilt: str = ""
+    aspect: str = ""
     control: Controlled | None = None
 
     def element(self, where: Where) -> Conductor:
@@ -542,6 +559,8 @@ class _ConductorTable(ElementTable):
         if shape is not None and not kind.tabulated:
             raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
+        if self.kind == "gas":
+            _check_gap(fields, words, where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         points = curve_of(self.table, "W/K", where(""))

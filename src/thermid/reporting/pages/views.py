@@ -237,6 +237,7 @@ def _verdict(v: Verdict) -> dict[str, Any]:
         "checks": [
             {"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks
         ],
+        "bands": v.bands.to_dict() if v.bands is not None else None,
     }
 
 
