@@ -46,7 +46,7 @@ class TemperatureLimit:
 
 
 @dataclass(frozen=True)
-class Advice:
+class StopAdvice:
     """What is advised at one moment.
 
     Parameters
@@ -93,13 +93,13 @@ class Stopping:
     ) -> None:
         self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
         self.count, self._watched = 0, 0.0
-        self.last: Advice | None = None
+        self.last: StopAdvice | None = None
 
     def due(self, record: Record) -> bool:
         """Whether the time watched has grown enough for the next decision."""
         return float(record.times[-1] - record.times[0]) >= GROWN * self._watched
 
-    def decide(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float] | None = None, doubt: str = "") -> Advice:
+    def decide(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float] | None = None, doubt: str = "") -> StopAdvice:
         """Return the advice on a record, a new decision where one is due, else the last one.
 
         Parameters
@@ -137,11 +137,11 @@ class Stopping:
             f"{'below' if apart[far] > 0 else 'above'} that: a slow mass that the model does not have, or a value that is not as it says."
         )
 
-    def _advice(self, record: Record, ends: Mapping[str, Forecast], why: str, late: float | None, level: float, doubt: str) -> Advice:
+    def _advice(self, record: Record, ends: Mapping[str, Forecast], why: str, late: float | None, level: float, doubt: str) -> StopAdvice:
         now = float(record.times[-1])
 
-        def said(word: str, because: str) -> Advice:
-            return Advice(word, because, self.count, level, ends, late, now)
+        def said(word: str, because: str) -> StopAdvice:
+            return StopAdvice(word, because, self.count, level, ends, late, now)
 
         if doubt or why:
             return said(DECLINED if doubt or ends else WAIT, doubt or why)

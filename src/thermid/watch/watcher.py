@@ -1,4 +1,4 @@
-"""`Watcher`: a log looked at again and again; every `Look` says what is advised, what nobody measures, and what went wrong.
+"""`Watcher`: a log looked at again and again; every `TestLook` says what is advised, what nobody measures, and what went wrong.
 
 A sensor that is off shows in its readings alone. By the model, a suspect is a value that changes some minutes before now. A filter that
 knows of it would have had other innovations; the difference is its signature d, and what the innovations e hold of it raises the
@@ -29,7 +29,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Traces
-from thermid.watch.stopping import Advice, Stopping
+from thermid.watch.stopping import StopAdvice, Stopping
 
 JUMP: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
@@ -37,6 +37,8 @@ LEAST_JUMP: Final = 3.0
 """The same at least. [K]"""
 GONE: Final = 3
 """Readings in a row that are missing."""
+STAYS: Final = 60.0
+"""How long readings must stay where they jumped to; sensors of simple boards are off by some kelvin for seconds. [s]"""
 STUCK: Final = 60
 """Readings in a row without any change, of a sensor that changed before."""
 MOVING: Final = 0.2
@@ -79,8 +81,9 @@ def pending(record: Record, names: Sequence[str]) -> bool:
         channel = record.channel(name)
         if not channel.valid[-1]:
             return True
-        steps = np.diff(channel.values[channel.valid])
-        if steps.size > 2 * GONE and np.abs(steps[-2 * GONE :]).max() > _least(steps):
+        times, steps = record.times[channel.valid], np.diff(channel.values[channel.valid])
+        late = times[1:] > record.times[-1] - 1.5 * STAYS
+        if late.any() and np.abs(steps[late]).max() > _least(steps):
             return True
     return False
 
@@ -101,9 +104,13 @@ def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm 
         return None
     steps = np.diff(y)
     far = np.flatnonzero(np.abs(steps) > _least(steps))
+    usual = float(np.median(np.diff(t)))
     for k in far[::-1]:  # a spike comes back, a sensor that is off stays
-        before, after = y[max(k + 1 - 2 * GONE, 0) : k + 1], y[k + 1 : k + 1 + 2 * GONE]
-        if after.size >= GONE and abs(float(np.median(after) - np.median(before))) > 0.5 * abs(steps[k]):
+        before, after = y[(t > t[k] - STAYS) & (t <= t[k])], y[(t > t[k]) & (t <= t[k + 1] + STAYS)]
+        enough = min(before.size, after.size) >= 2 * GONE and t[-1] >= t[k + 1] + STAYS and t[k + 1] - t[k] < GONE * usual
+        if not enough or abs(float(np.median(after) - np.median(before))) < 0.7 * abs(steps[k]):
+            continue
+        if max(np.ptp(before), np.ptp(after)) < 0.5 * abs(steps[k]):  # else it jumps about, and what it reads is its noise
             words = f"jumped by {short(float(steps[k]))} K between two readings at {t[k + 1]:.0f} s and stayed there"
             return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
     if y.size > 2 * STUCK and not steps[-STUCK:].any() and np.mean(steps[:-STUCK] != 0.0) > MOVING:
@@ -187,20 +194,20 @@ class NodeBand:
 
 
 @dataclass(frozen=True)
-class Look:
+class TestLook:
     """What one look at a running test says.
 
     Parameters
     ----------
     at : float                  Time of the last reading. [s]
-    advice : Advice             Stop, wait or declined.
+    advice : StopAdvice             Stop, wait or declined.
     alarms : tuple of Alarm     What went wrong, the surest first.
     nodes : tuple of NodeBand   Of a model; empty without one.
     assumed : tuple of str      What nobody said and was taken.
     """
 
     at: float
-    advice: Advice
+    advice: StopAdvice
     alarms: tuple[Alarm, ...]
     nodes: tuple[NodeBand, ...]
     assumed: tuple[str, ...] = ()
@@ -267,7 +274,7 @@ class Watcher:
     _since: float | None = field(default=None, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
-    def look(self, record: Record) -> Look:
+    def look(self, record: Record) -> TestLook:
         """Return what a log says by now.
 
         Parameters
@@ -285,7 +292,7 @@ class Watcher:
         doubt = doubt or ("readings are not what the model foresees; what is wrong is not known yet." if found else "")
         settles = self._settles(record) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
         advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
-        return Look(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
+        return TestLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
         if self.model is None:
@@ -448,5 +455,5 @@ def merged(record: Record, most: int) -> Record:
     return record if rows <= most else record.resample(float(record.times[-1] - record.times[0]) / most)
 
 
-def _no_reading(at: float) -> Advice:
-    return Advice("declined", "no sensor reads any more.", 0, 0.0, {}, None, at)
+def _no_reading(at: float) -> StopAdvice:
+    return StopAdvice("declined", "no sensor reads any more.", 0, 0.0, {}, None, at)
