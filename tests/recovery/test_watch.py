@@ -14,7 +14,7 @@ import pytest
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.watch.stopping import STOP, Stopping
-from thermid.watch.watcher import TestLook, Watcher
+from thermid.watch.watcher import Watcher, WatchLook
 from unit.estimation.rig import NOISE, Array, deck_of, logged, rig, run, scenario
 
 RULE, WITHIN, EVERY = rule_of("3 C/h"), 1.0, 10.0
@@ -108,7 +108,7 @@ def named(seed: int) -> bool:
     kind, record, apart = planted(seed)
     shows = EVERY * float(np.flatnonzero(apart > 5.0 * NOISE)[0])
     twin = watcher({})
-    look: TestLook | None = None
+    look: WatchLook | None = None
     at = max(shows - 1200.0, 600.0)
     while at <= shows + LATE:
         look = twin.look(record.trim(0.0, at))

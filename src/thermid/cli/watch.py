@@ -23,7 +23,7 @@ from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE
 from thermid.watch.stopping import Stopping, TemperatureLimit
-from thermid.watch.watcher import TestLook, Watcher
+from thermid.watch.watcher import Watcher, WatchLook
 
 
 def watch(
@@ -40,7 +40,7 @@ def watch(
     boundary: Boundaries = [],  # noqa: B006
     noise: Annotated[str, typer.Option("--noise", help="Noise of one reading.")] = "0.05 [K]",
     every: Annotated[str, typer.Option("--every", help="Time between looks.")] = "60 [s]",
-    replay: Annotated[bool, typer.Option("--replay", help="TestLook at a log that ended as if it grew.")] = False,
+    replay: Annotated[bool, typer.Option("--replay", help="Look at a log that ended as if it grew.")] = False,
     once: Annotated[bool, typer.Option("--once", help="Look once and leave.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
 ) -> None:
@@ -56,7 +56,7 @@ def watch(
         else said
     )
     watcher: Watcher | None = None
-    look: TestLook | None = None
+    look: WatchLook | None = None
     at, seen = 0.0, -1.0
     while True:
         record = _read(log, channel, noise, since, growing=not (once or replay))

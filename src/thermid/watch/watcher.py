@@ -1,4 +1,4 @@
-"""`Watcher`: a log looked at again and again; every `TestLook` says what is advised, what nobody measures, and what went wrong.
+"""`Watcher`: a log looked at again and again; every `WatchLook` says what is advised, what nobody measures, and what went wrong.
 
 A sensor that is off shows in its readings alone. By the model, a suspect is a value that changes some minutes before now. A filter that
 knows of it would have had other innovations; the difference is its signature d, and what the innovations e hold of it raises the
@@ -194,7 +194,7 @@ class NodeBand:
 
 
 @dataclass(frozen=True)
-class TestLook:
+class WatchLook:
     """What one look at a running test says.
 
     Parameters
@@ -274,7 +274,7 @@ class Watcher:
     _since: float | None = field(default=None, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
-    def look(self, record: Record) -> TestLook:
+    def look(self, record: Record) -> WatchLook:
         """Return what a log says by now.
 
         Parameters
@@ -292,7 +292,7 @@ class Watcher:
         doubt = doubt or ("readings are not what the model foresees; what is wrong is not known yet." if found else "")
         settles = self._settles(record) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
         advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
-        return TestLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
+        return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
         if self.model is None:
