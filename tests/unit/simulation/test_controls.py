@@ -377,6 +377,61 @@ def test_a_boundary_that_follows_a_control() -> None:
     assert run.heat_balance().relative < 1e-9
 
 
+def test_a_switch_and_a_schedule_while_the_pressure_falls() -> None:
+    """A surface whose coefficient follows a schedule and a control while its gas is pumped out: each is a factor, as its flow shows."""
+    deck_: dict[str, Any] = {
+        "title": "plate in a chamber",
+        "needs": ["air"],
+        "nodes": {"plate": {"capacitance": "300 [J/K]"}},
+        "surfaces": {
+            "skin": {
+                "of": "plate",
+                "to": "air",
+                "area": "0.1 [m^2]",
+                "htc": "6 [W/(m^2 K)]",
+                "emissivity": 0.8,
+                "htc_control": "fan",
+                "emissivity_control": "louver",
+            }
+        },
+        "loads": {"heater": {"into": "plate", "power": "20 [W]"}},
+        "controls": {
+            "fan": {"follows": "plate", "table": {"points": [["20 [degC]", "0.5"], ["50 [degC]", "1.5"]]}},
+            "louver": {"follows": "plate", "table": {"points": [["20 [degC]", "0.2"], ["40 [degC]", "1"]]}},
+        },
+    }
+    pressure = {"times": ["0 [s]", "600 [s]"], "values": ["101325 [Pa]", "30000 [Pa]"], "after": "hold"}
+    schedule = {"skin.htc": {"times": ["0 [s]", "900 [s]"], "values": ["6 [W/(m^2 K)]", "9 [W/(m^2 K)]"], "after": "hold"}}
+    scenario = td.Scenario(
+        boundaries={"air": "20 [degC]"},
+        start="20 [degC]",
+        duration="1200 [s]",
+        schedule=schedule,
+        environment={"*": td.Environment(pressure=pressure)},
+    )
+    run_ = td.simulate(td.model_from_dict(deck_), scenario)
+    assert run_.heat_balance().relative < 1e-9
+    plain = {k: v for k, v in deck_.items() if k != "controls"}
+    plain["surfaces"] = {"skin": {k: v for k, v in deck_["surfaces"]["skin"].items() if not k.endswith("_control")}}
+    driven = dict(zip(("times", "values"), ([f"{t} [s]" for t in run_.times], [f"{t} [K]" for t in run_["plate"].kelvin]), strict=True))
+    free = td.simulate(
+        td.model_from_dict(
+            plain
+            | {
+                "nodes": plain["nodes"] | {"other": {"capacitance": "1 [J/K]"}},
+                "conductors": {"x": {"kind": "conduction", "between": ["other", "air"], "conductance": "1 [W/K]"}},
+            }
+        ),
+        scenario.with_(prescribed={"plate": driven | {"after": "hold"}}),
+        times=run_.times,
+    )
+    kelvin = run_["plate"].kelvin
+    fan = np.interp(kelvin, [293.15, 323.15], [0.5, 1.5])
+    louver = np.interp(kelvin, [293.15, 313.15], [0.2, 1.0])
+    np.testing.assert_allclose(run_.heat_flows["skin"], fan * free.heat_flows["skin"], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(run_.heat_flows["skin.radiation"], louver * free.heat_flows["skin.radiation"], rtol=1e-6, atol=1e-6)
+
+
 def test_check_and_diagram_know_controls() -> None:
     """A control that nothing names is a warning; a diagram writes shares behind values."""
     written = deck(
