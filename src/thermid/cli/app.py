@@ -117,6 +117,9 @@ COMMANDS = {
         "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
     ),
     "init": Place("start.init", "Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."),
+    "improve": Place(
+        "start.improve", "Search for the next structure of a stage; write deck and campaign with it, before and after side by side."
+    ),
     "example": Place(
         "start.example", "Copy a shipped example with its data into a new folder; published measurements are fetched and checked."
     ),

@@ -1,4 +1,4 @@
-"""Commands of the first afternoon: init, example."""
+"""Commands of the first afternoon: init, improve, example."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 
 from thermid.campaign.stages import run_stages
-from thermid.cli.options import Json, leave, pairs, say
+from thermid.cli.options import CampaignPath, Data, Json, leave, pairs, say
 from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
 from thermid.reporting.pages import campaign as page
+from thermid.start import improve as improved
 from thermid.start.examples import EXAMPLES, copy_example, example_named
 from thermid.start.originals import PUBLIC, copies
 from thermid.start.project import parted, write_project
@@ -114,6 +115,25 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
 def _several(question: str, shown: Sequence[str]) -> list[str]:
     answer = typer.prompt(question, default=", ".join(shown) or "-", err=True)
     return [] if answer == "-" else [part.strip() for part in answer.split(",") if part.strip()]
+
+
+def improve(
+    campaign: CampaignPath,
+    stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
+    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    data: Data = None,
+    as_json: Json = False,
+) -> None:
+    """Search for the next structure of a stage; write deck and campaign with it, before and after side by side."""
+    made = improved.improve(campaign, stage, seconds, data)
+    content = {
+        "changes": [c.name for c in made.search.proposed.changes],
+        "gain": made.search.likelihood(made.search.proposed),
+        "cannot_tell": [t.name for t in made.search.ties if t.nodes != made.search.proposed.nodes],
+        "sensors": made.rows(),
+        "files": [str(f) for f in made.files],
+    }
+    say(as_json, content, str(made))
 
 
 def example(

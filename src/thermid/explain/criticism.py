@@ -14,6 +14,7 @@ from thermid.explain.candidates import MissingElement, missing_elements
 from thermid.explain.heats import unlogged_powers
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import Experiment
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.simulation.transient import simulate
@@ -217,11 +218,13 @@ class Criticism:
     title : str                         The fit.
     traces : tuple of TraceCriticism    Per record and sensor.
     candidates : tuple of Candidate     Elements that were tried, the best supported first.
+    checks : tuple of str               Failed checks: values of single records that run with an input.
     """
 
     title: str
     traces: tuple[TraceCriticism, ...]
     candidates: tuple[Candidate, ...]
+    checks: tuple[str, ...] = ()
 
     @property
     def suggested(self) -> Candidate | None:
@@ -236,12 +239,14 @@ class Criticism:
             "suggested": None if best is None else best.name,
             "traces": [t.to_dict() for t in self.traces],
             "candidates": [c.to_dict() for c in self.candidates],
+            "failed_checks": list(self.checks),
         }
 
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
         coloured = [t for t in self.traces if not t.quiet]
         lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces leave nothing but noise"]
+        lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
             lines.append("  elements tried, each by itself in a refit:")
@@ -283,14 +288,57 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     """
     if fit.request is None or fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
-    traces = tuple(_traces(fit))
+    traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
     wanted = any(not t.quiet for t in traces) if elements is None else elements
     if not wanted:
-        return Criticism(fit.stage, traces, ())
+        return Criticism(fit.stage, traces, (), checks)
     modes: Modes = {}
     old = _likelihood(fit, modes)
     tried = [_tried(fit, old, m, modes) for m in (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))]
-    return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
+    return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)), checks)
+
+
+def running_locals(fit: Calibration) -> list[str]:
+    """Failed checks of values that each record has for itself: a fitted ambient cannot know the power of its record.
+
+    A value that goes with the mean power or command of its record answers for heat that the model misses. A parabola over records is
+    compared with a constant by the F test at 1 %, for as many inputs as are looked at (Bonferroni).
+    """
+    from scipy.special import fdtrc
+
+    means = {e.record.name: _mean_inputs(e) for e in fit.experiments}
+    names = list(dict.fromkeys(n for table in means.values() for n in table))
+    out = []
+    for local in dict.fromkeys(v.name for v in fit.local):
+        if local.startswith("initial."):
+            continue
+        own = {v.record: v.value for v in fit.local if v.name == local}
+        best = (1.0, "")
+        for name in names:
+            pairs = np.array([(means[r][name], value) for r, value in own.items() if name in means[r]]).reshape(-1, 2)
+            if len(pairs) < FEWEST_RECORDS or np.ptp(pairs[:, 0]) <= 0:
+                continue
+            x, y = pairs[:, 0] - pairs[:, 0].mean(), pairs[:, 1] - pairs[:, 1].mean()
+            design = np.column_stack([np.ones_like(x), x, x**2])
+            fitted = design @ np.linalg.lstsq(design, y, rcond=None)[0]
+            left, gone = float(np.sum((y - fitted) ** 2)), float(np.sum(fitted**2))
+            ratio = 0.5 * gone / max(left / (len(x) - 3), 1e-300)
+            chance = float(fdtrc(2.0, len(x) - 3.0, ratio)) * len(names)
+            words = f"'{local}' of {len(x)} records goes with the mean of '{name}': {short(float(np.ptp(fitted)), 2)} K over its range"
+            best = min(best, (chance, words))
+        if best[0] < 0.01:
+            out.append(f"{best[1]} (by chance: {short(best[0])}). It answers for heat that the model misses.")
+    return out
+
+
+FEWEST_RECORDS = 6
+"""Records from which a value of single records is compared with an input."""
+
+
+def _mean_inputs(experiment: Experiment) -> dict[str, float]:
+    """Return mean of every logged power and command of a record."""
+    channels = experiment.record.channels.values()
+    return {c.target or c.name: float(c.values[c.valid].mean()) for c in channels if c.role in ("load", "command") and c.valid.any()}
 
 
 def _traces(fit: Calibration) -> list[TraceCriticism]:
