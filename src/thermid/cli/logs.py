@@ -43,8 +43,11 @@ def look(
         write_text(to, looks[0].svg() + "\n", PICTURE)
     width = shutil.get_terminal_size((110, 24)).columns
     bad = any(each.problem for each in looks)
-    text = "\n\n".join("\n".join(each.lines(width)) for each in looks) + (f"\npicture: {to}" if to is not None else "")
-    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in looks]}, text)
+    parts = ["\n".join(each.lines(width)) for each in looks]
+    parts += ["\n".join(lines)] if (lines := picture.clock_lines(looks)) else []
+    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
+    clocks = {"clocks": picture.clocks_of(looks)} if len(looks) > 1 else {}
+    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in looks], **clocks}, text)
     raise SystemExit(2 if bad else 0)
 
 
