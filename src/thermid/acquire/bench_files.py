@@ -116,14 +116,14 @@ def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
         table["note"] = sensor.note
     if sensor.certificate is not None:
         c = sensor.certificate
-        made = tomlkit.table()
-        made |= {
+        certificate = tomlkit.table()
+        certificate |= {
             "offset": f"{c.offset:.4g} [K]",
             "uncertainty": f"{c.uncertainty:.3g} [K]",
             "at": f"{c.at - ICE:.4g} [degC]",
             "date": c.date,
         }
-        table["certificate"] = made
+        table["certificate"] = certificate
     tables: Any = content["sensors"]
     for name in [name for name, each in tables.items() if each.get("rom") == sensor.rom and name != sensor.name]:
         del tables[name]  # the sensor has a new name

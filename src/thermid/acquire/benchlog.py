@@ -378,21 +378,21 @@ def bench_cells(data: bytes, file: str) -> Cells:
                 of_source[row] = each.line
             lines[row] = lines[row] or each.at
     bits = {each.line.fields[0]: int(each.line.fields[1]) for each in log.heard if each.line.kind == "S"}
-    made = _Columns(len(rows))
-    made.add("time", "s", np.array([moment for moment in rows]), {})
+    columns = _Columns(len(rows))
+    columns.add("time", "s", np.array([moment for moment in rows]), {})
     for source in sorted(table, key=lambda name: (len(name) != 16, list(log.sensors).index(name) if name in log.sensors else 99, name)):
-        notes += made.source(source, table[source], log.sensors.get(source, {}), bits.get(source))
-    made.power()
-    header = tuple(made.header)
+        notes += columns.source(source, table[source], log.sensors.get(source, {}), bits.get(source))
+    columns.power()
+    header = tuple(columns.header)
     return Cells(
         file,
         header,
-        made.texts,
+        columns.texts,
         lines,
         (*of_clock, *notes),
-        reasons=made.reasons,
-        resolution=made.resolution,
-        certificates=made.certificates,
+        reasons=columns.reasons,
+        resolution=columns.resolution,
+        certificates=columns.certificates,
         prompt=frozenset({"heater1", "heater2"}),  # the board says a change at once, beside what each cycle says
     )
 
@@ -524,5 +524,5 @@ def _not_real(values: np.ndarray, bad: np.ndarray) -> dict[str, list[int]]:
     at = np.arange(values.size)
     if good.any():
         code &= np.abs(values - np.interp(at, at[good], values[good])) > 2.0
-    found = {"outside its range": np.flatnonzero(outside).tolist(), "85 degC of power-up": np.flatnonzero(code).tolist()}
-    return {reason: rows for reason, rows in found.items() if rows}
+    unreal = {"outside its range": np.flatnonzero(outside).tolist(), "85 degC of power-up": np.flatnonzero(code).tolist()}
+    return {reason: rows for reason, rows in unreal.items() if rows}

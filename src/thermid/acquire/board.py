@@ -276,13 +276,13 @@ class Plate:
         """Return the temperatures at a time [degC]."""
         room = 21.0 + 0.5 * math.sin(2.0 * math.pi * seconds / 3600.0)
         power = 6.0 * duties[0]
-        left = seconds - self.seconds
-        while left > 0.0:
-            step = min(left, 1.0)
+        remaining = seconds - self.seconds
+        while remaining > 0.0:
+            step = min(remaining, 1.0)
             across = 0.4 * (self.plate - self.cover)
             self.plate += step * (power - across - 0.05 * (self.plate - room)) / 110.0
             self.cover += step * (across - 0.15 * (self.cover - room)) / 60.0
-            left -= step
+            remaining -= step
         self.seconds = seconds
         return (self.plate, self.cover, room)
 

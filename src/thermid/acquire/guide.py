@@ -41,40 +41,40 @@ def tell_apart(
     """
     roms = _sensors(log)
     say(f"{len(roms)} sensors answer. Warm one of them between two fingers.")
-    made: list[MappedSensor] = []
-    while len(made) < len(roms):
-        left = [rom for rom in roms if rom not in {each.rom for each in made}]
-        rom = left[0] if len(left) == 1 else _warmed(log, left, patience)
+    mapped: list[MappedSensor] = []
+    while len(mapped) < len(roms):
+        unmapped = [rom for rom in roms if rom not in {each.rom for each in mapped}]
+        rom = unmapped[0] if len(unmapped) == 1 else _warmed(log, unmapped, patience)
         if rom is None:
-            say(f"nothing became warmer by {_RISE:g} K within {patience:g} s; {len(left)} sensors stay without a name.")
+            say(f"nothing became warmer by {_RISE:g} K within {patience:g} s; {len(unmapped)} sensors stay without a name.")
             break
         if rom in log.sensors:
             say(f"this is '{log.sensors[rom].name}' so far.")
         name = ask(f"{rom}: name of its channel").strip()
-        if not name or any(each.name == name for each in made):
+        if not name or any(each.name == name for each in mapped):
             say("a name is needed, and each once.")
             continue
         old = log.sensors.get(rom)
-        made.append(MappedSensor(name, rom, old.certificate if old is not None else None, old.note if old is not None else ""))
-        save_sensor(path, made[-1])
-        if len(made) < len(roms):
-            say(f"'{name}' is written. Warm the next one." if len(left) > 2 else f"'{name}' is written. The last one is left.")
-    return made
+        mapped.append(MappedSensor(name, rom, old.certificate if old is not None else None, old.note if old is not None else ""))
+        save_sensor(path, mapped[-1])
+        if len(mapped) < len(roms):
+            say(f"'{name}' is written. Warm the next one." if len(unmapped) > 2 else f"'{name}' is written. The last one is left.")
+    return mapped
 
 
 def _sensors(log: Logger) -> list[str]:
     """Return the ROMs that answer, once a whole list has come and each has sent a value or a fault."""
     log.ask("search")
-    seen: set[str] = set()
+    roms: set[str] = set()
     begun = listed = False
-    while log.elapsed < 15.0 and not (listed and seen and seen <= set(log.watch.values) | set(log.watch.faults)):
+    while log.elapsed < 15.0 and not (listed and roms and roms <= set(log.watch.values) | set(log.watch.faults)):
         line = log.step()
         begun |= line is not None and line.kind == "B"
         listed |= begun and line is not None and line.kind == "C"
-        seen = set(log.state.bits)
-    if not seen:
+        roms = set(log.state.bits)
+    if not roms:
         raise RecordError("no sensor answers. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.", "bench")
-    return sorted(seen)
+    return sorted(roms)
 
 
 def _warmed(log: Logger, roms: list[str], patience: float) -> str | None:
@@ -153,16 +153,16 @@ def ice_point(
             and line.raw is not None
         ):
             taken[line.fields[0]].append(line.raw / 16.0)
-    made = []
+    sensors = []
     for rom, values in taken.items():
         step = 2.0 ** (8 - log.state.bits.get(rom, 12))
         try:
-            given = certificate_of(np.array(values[-readings:]), step, date.today().isoformat())
+            certificate = certificate_of(np.array(values[-readings:]), step, date.today().isoformat())
         except RecordError as error:
             say(f"{log.name_of(rom)}: no certificate: {error.message}")
             continue
         old = log.sensors.get(rom, MappedSensor(rom, rom))
-        made.append(MappedSensor(old.name, rom, given, old.note))
-        save_sensor(path, made[-1])
-        say(f"{old.name}: it shows {given.offset:+.3f} K too much, +- {given.uncertainty:.3f} K; written")
-    return made
+        sensors.append(MappedSensor(old.name, rom, certificate, old.note))
+        save_sensor(path, sensors[-1])
+        say(f"{old.name}: it shows {certificate.offset:+.3f} K too much, +- {certificate.uncertainty:.3f} K; written")
+    return sensors

@@ -36,14 +36,14 @@ def find_port() -> str:
     _serial()
     from serial.tools import list_ports
 
-    found = [each for each in list_ports.comports() if each.vid in _MAKERS]
-    if not found:
+    boards = [each for each in list_ports.comports() if each.vid in _MAKERS]
+    if not boards:
         others = ", ".join(each.device for each in list_ports.comports()) or "none"
         raise RecordError(f"no board found (ports: {others}). Plug it in, or give --port, such as --port /dev/ttyUSB0.", "serial port")
-    if len(found) > 1:
-        names = ", ".join(f"{each.device} ({_MAKERS[each.vid]})" for each in found)
+    if len(boards) > 1:
+        names = ", ".join(f"{each.device} ({_MAKERS[each.vid]})" for each in boards)
         raise RecordError(f"several boards: {names}. Give one with --port.", "serial port")
-    return str(found[0].device)
+    return str(boards[0].device)
 
 
 def check_port(name: str) -> None:
@@ -114,14 +114,14 @@ class Port:
             try:
                 byte = os.read(self._fd, 1)
             except BlockingIOError:
-                left = until - time.monotonic()
-                if left <= 0 or not select.select([self._fd], [], [], left)[0]:
+                remaining = until - time.monotonic()
+                if remaining <= 0 or not select.select([self._fd], [], [], remaining)[0]:
                     return b""
                 continue
             if not byte:
                 # a serial line whose device was unplugged reads empty at once
-                left = until - time.monotonic()
-                if left > 0 and select.select([self._fd], [], [], left)[0] and not (byte := os.read(self._fd, 1)):
+                remaining = until - time.monotonic()
+                if remaining > 0 and select.select([self._fd], [], [], remaining)[0] and not (byte := os.read(self._fd, 1)):
                     raise OSError("the port is gone")
             return byte
 

@@ -92,8 +92,8 @@ def remember(
 
 def _key(path: Path, how: Mapping[str, Any]) -> str:
     """Return the hash of what a record depends on: the bytes and the name of its file, how it is read and prepared, and what reads it."""
-    told = json.dumps([path.name, how, code_digest()])
-    return hashlib.sha256(hashlib.sha256(read_bytes(path)).digest() + told.encode()).hexdigest()
+    ingredients = json.dumps([path.name, how, code_digest()])
+    return hashlib.sha256(hashlib.sha256(read_bytes(path)).digest() + ingredients.encode()).hexdigest()
 
 
 def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Callable[[], Record]) -> Record:
@@ -117,12 +117,12 @@ def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Call
     except TypeError:  # a date or another thing that only TOML holds: its error, or its record, comes from reading
         return make()
     kept = folder / "logs" / f"{file_name(str(how['name']))}.npz"
-    found = _read(kept, key)
-    if found is None:
-        found = make()
-        if found.second is None:  # the record of one log has one clock; another is joined later, and not kept
-            _write(kept, key, found)
-    return found
+    record = _read(kept, key)
+    if record is None:
+        record = make()
+        if record.second is None:  # the record of one log has one clock; another is joined later, and not kept
+            _write(kept, key, record)
+    return record
 
 
 def _write(path: Path, key: str, record: Record) -> None:
@@ -151,12 +151,12 @@ def _read(path: Path, key: str) -> Record | None:
             about = json.loads(str(kept[_ABOUT]))
             if about["key"] != key:
                 return None
-            made = []
+            written = []
             for k, one in enumerate(about["channels"]):
                 masks = {reason: kept[f"mask {k} {n}"] for n, reason in enumerate(one["reasons"])}
                 part = None if one["part"] is None else SensorPart(**one["part"])
-                made.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
+                written.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
             origin = Origin(**{**about["origin"], "columns": tuple(about["origin"]["columns"])})
-            return Record(about["name"], kept["times"], {c.name: c for c in made}, origin, tuple(about["steps"]))
+            return Record(about["name"], kept["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, ThermidError):
         return None  # a damaged file is as good as none: the log is read again

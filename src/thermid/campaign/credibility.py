@@ -141,15 +141,15 @@ def credibility(campaign: Campaign) -> CredibilityRecord:
     fits = dict(campaign.stages) | ({"joint": campaign.joint} if campaign.joint is not None else {})
     rows = {path: _row(values, path, float(numbers[path]), last, fits) for path in values.table}
     verdicts = tuple({"model": v.model, "record": v.record, "passed": v.passed, "unseen": v.unseen} for v in campaign.verdicts)
-    made = any(c.synthetic for c in fits.values())
-    return CredibilityRecord(campaign.title, model.identity(), str(last.values.provenance.get("version", "")), made, rows, verdicts)
+    synthetic = any(c.synthetic for c in fits.values())
+    return CredibilityRecord(campaign.title, model.identity(), str(last.values.provenance.get("version", "")), synthetic, rows, verdicts)
 
 
 def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits: Mapping[str, Calibration]) -> ValueRecord:
     """Return what one value rests on."""
     entry = values.table[path]
-    given = entry.parameter
-    text = given.unit or _unit_of(values, path)
+    parameter = entry.parameter
+    text = parameter.unit or _unit_of(values, path)
     of = unit(text)
 
     def shown(x: float | None) -> float | None:
@@ -159,16 +159,16 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     error, date = 0.0, ""
     tests: tuple[str, ...] = ()
     if stage:
-        found = fits[stage]
-        date = str(found.values.provenance.get("date", ""))
-        held = [v for p, v in found.values.assignments.items() if path == p or path.endswith(f".{p}")]
+        fit = fits[stage]
+        date = str(fit.values.provenance.get("date", ""))
+        held = [v for p, v in fit.values.assignments.items() if path == p or path.endswith(f".{p}")]
         error = held[0].error / float(of.factor) if held else 0.0
-        tests = tuple(found.records)
-    state = "computed" if not given.is_literal else given.source or "not stated"
+        tests = tuple(fit.records)
+    state = "computed" if not parameter.is_literal else parameter.source or "not stated"
     if stage:
         state = "calibrated" if fits[stage] is last else "frozen"
-    basis = given.basis if given.is_literal else given.text
-    low, high = shown(given.minimum), shown(given.maximum)
+    basis = parameter.basis if parameter.is_literal else parameter.text
+    low, high = shown(parameter.minimum), shown(parameter.maximum)
     return ValueRecord(path, shown(number) or 0.0, error, text, state, stage, tests, date, low, high, entry.origin, basis)
 
 

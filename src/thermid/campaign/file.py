@@ -105,8 +105,8 @@ class CampaignSource:
         for root in (*roots, self.path.parent):
             if any(mark in pattern for mark in "*?["):
                 inside = resolve_inside(root, str(Path(pattern).parent), where, tuple(roots))
-                found = sorted(inside.glob(Path(pattern).name)) if inside.is_dir() else []
-                hits = [resolve_inside(p.parent, p.name, where, tuple(roots)) for p in found]
+                files = sorted(inside.glob(Path(pattern).name)) if inside.is_dir() else []
+                hits = [resolve_inside(p.parent, p.name, where, tuple(roots)) for p in files]
             else:
                 target = resolve_inside(root, pattern, where, tuple(roots))
                 hits = [target] if target.is_file() else []
@@ -247,8 +247,8 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     if "stages" not in content and ("nodes" in content or "submodels" in content):
         raise DeckError("this is a deck. A campaign has records and stages, and names the deck of each stage under 'model'.", target.name)
     checked: CampaignFile = by_grammar("CampaignFile", content, Places(target.name, lines))
-    given = data if data is not None else os.environ.get(DATA)
-    folder = Path(given).resolve() if given else None
+    logs = data if data is not None else os.environ.get(DATA)
+    folder = Path(logs).resolve() if logs else None
     if folder is not None and not folder.is_dir():
         raise MissingDataError(f"the data folder '{folder.name}' is not there. Give another with --data or {DATA}.", target.name)
     source = CampaignSource(target, checked, lines, folder)
@@ -275,9 +275,9 @@ def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
     ------
     DeckError   When there is no such stage.
     """
-    made = replace(source, accept=(*source.accept, *stages))
-    _check_order(made, made.content.stages, made.content.verdicts)
-    return made
+    widened = replace(source, accept=(*source.accept, *stages))
+    _check_order(widened, widened.content.stages, widened.content.verdicts)
+    return widened
 
 
 def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts: Sequence[VerdictTable]) -> None:

@@ -72,8 +72,10 @@ def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOri
         states[path] = state
         sizes.append(size)
         sources.append(source)
-    left = tuple(LeftOut(f"'{p}' was tuned by hand at stage '{origin.stage}' without an error") for p, s in states.items() if not s.known)
-    whole = Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left)
+    left_out = tuple(
+        LeftOut(f"'{p}' was tuned by hand at stage '{origin.stage}' without an error") for p, s in states.items() if not s.known
+    )
+    whole = Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left_out)
     return whole.trimmed()
 
 

@@ -318,11 +318,11 @@ def fit_jointly(
         seen={sha: who for c in done.values() for sha, who in c.seen.items()},
     )
     kept = recall(cache, NAME, key)
-    found = fit_problem(whole, problem, progress, kept)
-    if kept is None and found.converged and key:
-        remember(cache, NAME, key, list(found.fitted), np.array(list(found.fitted.values())))
-    store = replace(found.store, left_out=(*found.store.left_out, *map(LeftOut, uncounted)))
-    return _judged(replace(found, store=store), levels, shared, done if staged else {})
+    calibration = fit_problem(whole, problem, progress, kept)
+    if kept is None and calibration.converged and key:
+        remember(cache, NAME, key, list(calibration.fitted), np.array(list(calibration.fitted.values())))
+    store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
+    return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
 
 
 def joint_key(keys: Mapping[str, str], table: JointFitTable) -> str:
@@ -474,8 +474,8 @@ def _store(found: Store, items: Mapping[str, FittedValue], top: Request) -> Stor
         above = (p, *items[p].also) if items[p].kind == "parameter" else ()
         states[p] = replace(s, kind=items[p].kind, paths=above)
     here = {q for s in states.values() for q in (s.path, *s.paths)}
-    left = top.store.only(lambda s: not here & {s.path, *s.paths})
-    return graft(top.model, [(".", replace(found, states=states)), (".", left)])[0]
+    others = top.store.only(lambda s: not here & {s.path, *s.paths})
+    return graft(top.model, [(".", replace(found, states=states)), (".", others)])[0]
 
 
 def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str, Calibration]) -> Moves:

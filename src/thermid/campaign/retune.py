@@ -332,27 +332,27 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
 
 def _at_rest(done: Calibration, without: str) -> Scenario:
     """Return the last record of a fit with every input at its mean; loads of a part, where one is named, are left to its deck."""
-    given = done.experiments[-1].bare
+    bare = done.experiments[-1].bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
         kept = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
-        return {k: f"{v.mean_over(0.0, given.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in kept.items()}
+        return {k: f"{v.mean_over(0.0, bare.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in kept.items()}
 
     return replace(
-        given,
+        bare,
         title="at rest",
-        boundaries=constant(given.boundaries, "K"),
-        loads=constant(given.loads, "W"),
-        commands=constant(given.commands, "1"),
+        boundaries=constant(bare.boundaries, "K"),
+        loads=constant(bare.loads, "W"),
+        commands=constant(bare.commands, "1"),
     )
 
 
 def _watts(model: Model, scenario: Scenario, part: str) -> float:
     """Return the power of a part: by its deck, or as a scenario gives it. [W]"""
-    given = {model.canonical(n): v.value for n, v in scenario.loads.items() if isinstance(v, Constant)}
+    loads = {model.canonical(n): v.value for n, v in scenario.loads.items() if isinstance(v, Constant)}
     rows = compile_network(model, media=scenario.media()).numbers().loads
     inside = {row.name: float(value_of(row.coefficients[0])) for row in rows if row.name.startswith(f"{part}.")}
-    return float(sum(given.get(name, watts) for name, watts in inside.items()))
+    return float(sum(loads.get(name, watts) for name, watts in inside.items()))
 
 
 def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
@@ -448,10 +448,10 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
     assert old is not None
     tables = [table for name, (_, table) in old.names().items() if everything or name in due]
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
-    found = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
-    if found.data is not None and found.data != old.data:
-        _check_repeated(found, found.data, due)
-    return found
+    reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
+    if reduced.data is not None and reduced.data != old.data:
+        _check_repeated(reduced, reduced.data, due)
+    return reduced
 
 
 def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) -> None:
@@ -532,14 +532,14 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
     old = before.fitted_model
     what = old.replaced(stage.part, plan.model)[1]
-    told = known_below(request.store, what).states
-    starts = {s.path: s.text for s in what.starts if s.path not in told}
+    states = known_below(request.store, what).states
+    starts = {s.path: s.text for s in what.starts if s.path not in states}
     gone = [*(s.path for s in what.starts), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
     store = placed(before.store, old, model, what, request.store, stage.name)
     anew = [s.path for s in what.starts if s.path in stage.free and s.path not in request.priors]
-    prior = [p for p in request.prior if inside(p, stage.part) and p in told and p not in anew]
+    prior = [p for p in request.prior if inside(p, stage.part) and p in states and p not in anew]
     return replace(
         request,
         model=model,
@@ -566,12 +566,12 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     below : Store           What stages below found of the new part and its place; its values win over starts.
     stage : str             The stage whose model it is; it hands on the starts as what it knows.
     """
-    told = known_below(below, what)
-    starts = starts_of(before, old, new, [s for s in what.starts if s.path not in told.states], stage)
+    below_part = known_below(below, what)
+    starts = starts_of(before, old, new, [s for s in what.starts if s.path not in below_part.states], stage)
     rest = before.drop(what.path)
     for one in what.starts:
         rest = rest.drop(one.path)
-    whole = graft(new, [(".", rest), (".", starts), (".", told)])[0]
+    whole = graft(new, [(".", rest), (".", starts), (".", below_part)])[0]
     return replace(whole, dropped=(*whole.dropped, *what.dropped))
 
 
@@ -601,18 +601,18 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart
     own, states = [], {}
     root = np.zeros((len(starts), columns + len(starts)))
     for k, one in enumerate(starts):
-        given = table[one.path].parameter
-        literal = given.expression.literal
+        written = table[one.path].parameter
+        literal = written.expression.literal
         assert literal is not None
         row = _response(before, values, one.path)
         known = float(np.linalg.norm(row)) if one.of_part else 0.0
         root[k, :columns], root[k, columns + k] = row, math.sqrt(max(one.log_sd**2 - known**2, 0.0))
         own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
-        low = given.minimum if given.minimum is not None else 0.0
-        high = given.maximum if given.maximum is not None else math.inf
+        low = written.minimum if written.minimum is not None else 0.0
+        high = written.maximum if written.maximum is not None else math.inf
         at, origin = literal.value, ValueOrigin("twin", stage)
         ends = (low, high)
-        states[one.path] = State(one.path, at, True, given.unit, ends, origin, paths=(one.path,), deck=given.text, start=at)
+        states[one.path] = State(one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=written.text, start=at)
     return Store(states, (*before.sources, *own), root)
 
 

@@ -136,8 +136,8 @@ def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
     """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
     below = [keys[name] for i in stage.inherit.values() for name in i.stages]
-    made = ingredients_of(request, below)
-    return replace(request, key=digest(made)), made
+    ingredients = ingredients_of(request, below)
+    return replace(request, key=digest(ingredients)), ingredients
 
 
 def _handed_on(below: Calibration, inherit: InheritTable, where: str) -> Store:
@@ -411,10 +411,10 @@ def joint(
     ------
     ThermidError   From reading or fitting; a campaign that was made in Python has no file to read stages from.
     """
-    made = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
-    if made.source is None:
-        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", made.title)
-    return made.joint or _joint(made, notice, Path(cache) if cache is not None else None)
+    run = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
+    if run.source is None:
+        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", run.title)
+    return run.joint or _joint(run, notice, Path(cache) if cache is not None else None)
 
 
 def _judged(made: Campaign) -> Campaign:

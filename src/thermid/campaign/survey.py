@@ -92,7 +92,7 @@ def check_campaign(
     source = read_campaign(campaign, data)
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
-    found = [f for file, where in files.items() for f in source.model(file, where).check()]
+    findings = [f for file, where in files.items() for f in source.model(file, where).check()]
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
     for k, stage in enumerate(tables):
@@ -101,16 +101,16 @@ def check_campaign(
             # what is inherited is not known yet; it changes values and no bindings
             request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": [], "courses": {}}), k, {})
         except ThermidError as error:
-            found.append(_finding(error, where))
+            findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
         rows, wrong = _bound(request, where)
-        found += wrong
+        findings += wrong
         inputs[stage.name] = InputTable.of(rows)
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
-        found += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
-    return tuple(dict.fromkeys(found)), inputs
+        findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
+    return tuple(dict.fromkeys(findings)), inputs
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:

@@ -86,20 +86,20 @@ def log(
             find = lambda: port  # noqa: E731
         else:
             check_port(find_port())
-        made = Logger(file, find, known, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
-        if made.store.session > 1:
-            typer.echo(f"{file} is continued: start {made.store.session} of it.", err=True)
-        stack.callback(_closed, made)
+        logger = Logger(file, find, known, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
+        if logger.store.session > 1:
+            typer.echo(f"{file} is continued: start {logger.store.session} of it.", err=True)
+        stack.callback(_closed, logger)
         if identify or ice_point:
-            _guided(made, sensors, identify)
+            _guided(logger, sensors, identify)
         else:
-            _logged(made, end, rule, asked)
-    marks = ", ".join(f"{word} {count}" for word, count in made.marks.items() if word not in ("port", "wall", "end"))
-    faulty = sum(made.watch.counts.values())
-    typer.echo(f"{file}: {made.state.lines} lines, {made.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
-    if made.store.waiting:
-        where = f"are in {made.store.rest}; append them to the log when there is room" if made.store.rest else "are lost"
-        raise RecordError(f"the disk is full: the last {made.store.waiting / 1e3:.0f} kB {where}.", str(file))
+            _logged(logger, end, rule, asked)
+    marks = ", ".join(f"{word} {count}" for word, count in logger.marks.items() if word not in ("port", "wall", "end"))
+    faulty = sum(logger.watch.counts.values())
+    typer.echo(f"{file}: {logger.state.lines} lines, {logger.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
+    if logger.store.waiting:
+        where = f"are in {logger.store.rest}; append them to the log when there is room" if logger.store.rest else "are lost"
+        raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file))
 
 
 def _closed(made: Logger) -> None:
@@ -343,8 +343,8 @@ def _rule_line(log: Logger, judge: Judge) -> str:
 
 def _sources(log: Logger) -> list[str]:
     """Return the sensors: those of the map in its order, then others."""
-    seen = {source for source in {*log.watch.values, *log.watch.faults, *log.state.bits} if len(source) == 16}
-    return [*log.sensors, *sorted(seen - set(log.sensors))]
+    roms = {source for source in {*log.watch.values, *log.watch.faults, *log.state.bits} if len(source) == 16}
+    return [*log.sensors, *sorted(roms - set(log.sensors))]
 
 
 def _cells(log: Logger, judge: Judge, source: str, narrow: bool) -> tuple[str, tuple[str, ...]]:
@@ -368,12 +368,12 @@ def _cells(log: Logger, judge: Judge, source: str, narrow: bool) -> tuple[str, t
 def _when(log: Logger, found: Outlook) -> str:
     """Return the verdict of the rule, and when it will hold."""
     holds = None if found.forecast is None else found.forecast.holds
-    left = None if holds is None else holds - log.state.seconds
-    if found.verdict != "not stable" or left is None or left <= 0.0:
+    remaining = None if holds is None else holds - log.state.seconds
+    if found.verdict != "not stable" or remaining is None or remaining <= 0.0:
         return found.verdict
     for limit, size, unit in ((5400.0, HOUR, "h"), (90.0, 60.0, "min"), (0.0, 1.0, "s")):
-        if left >= limit:
-            return f"in {left / size:.2g} {unit}" if left / size < 10.0 else f"in {left / size:.0f} {unit}"
+        if remaining >= limit:
+            return f"in {remaining / size:.2g} {unit}" if remaining / size < 10.0 else f"in {remaining / size:.0f} {unit}"
     return found.verdict
 
 

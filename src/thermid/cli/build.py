@@ -163,21 +163,21 @@ def steady_state(
     standing = model_standing(model).accept(accept or ())
     limits = {pattern: _ends(text, pattern) for pattern, text in pairs(limit, "--limit").items()}
     conditions = scenario_of(scenario, boundary, load, None, None, vacuum)
-    found = steady(model, conditions, when if when in ("mean", "periodic") else with_unit(when, "s"))
-    rows = margins(found.lowest, found.highest, limits)
-    heat = found.heat
+    settled = steady(model, conditions, when if when in ("mean", "periodic") else with_unit(when, "s"))
+    rows = margins(settled.lowest, settled.highest, limits)
+    heat = settled.heat
     groups = heat.grouped(pairs(group, "--group")) if heat is not None else {}
     first, hottest = rows[0], max(rows, key=lambda m: m.highest)
     least = f", least margin {first.margin:.2f} K at {first.node}" if np.isfinite(first.margin) else ""
-    head = f"{model.title}, steady, {found.held}: hottest {hottest.node} {hottest.highest - ICE_POINT:.2f} degC{least}"
-    lines = [standing.over(head), *(f"  warning: {r}" for r in found.remarks), *margin_lines(rows)]
+    head = f"{model.title}, steady, {settled.held}: hottest {hottest.node} {hottest.highest - ICE_POINT:.2f} degC{least}"
+    lines = [standing.over(head), *(f"  warning: {r}" for r in settled.remarks), *margin_lines(rows)]
     lines += heat.lines(groups) if flows and heat is not None else []
     nodes = {
-        m.node: {"C": found[m.node] - ICE_POINT, "lowest_C": m.lowest - ICE_POINT, "highest_C": m.highest - ICE_POINT}
+        m.node: {"C": settled[m.node] - ICE_POINT, "lowest_C": m.lowest - ICE_POINT, "highest_C": m.highest - ICE_POINT}
         | ({"margin_K": m.margin} if np.isfinite(m.margin) else {})
         for m in rows
     }
-    content = {"held": found.held, "warnings": list(found.remarks), "nodes": nodes, "standing": standing.to_dict()}
+    content = {"held": settled.held, "warnings": list(settled.remarks), "nodes": nodes, "standing": standing.to_dict()}
     say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines))
     leave(standing)
 

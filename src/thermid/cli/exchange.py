@@ -148,12 +148,12 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
     if to is not None:
         may_write(to, DECK.of(title))
     deck = script_values.block(title) if block else script_values.deck(title)
-    made = model_from_dict(deck)
+    model = model_from_dict(deck)
     if to is not None and not force and to.is_file():
-        if load_model(to) != made:
+        if load_model(to) != model:
             raise OutputError("another deck is there already. Give another name or move it away; --force replaces it.", str(to))
     elif to is not None:
-        save_model(made, to)
+        save_model(model, to)
     shown = {"file": to.name} if to is not None else {}
     parameters = {n: {"text": p.text, "number": script_values.numbers[n], "note": p.note} for n, p in script_values.parameters.items()}
     rest = "" if block else "; its nodes, surfaces and loads are still to be written"

@@ -278,27 +278,29 @@ def _predict_records(campaign: Path, data: Path | None, fit: Calibration, name: 
     """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
     source = read_campaign(campaign, data)
     stage = next(s for s in source.content.stages if s.name == name)
-    told = []
+    scores = []
     for run in source.pick(patterns, "--record"):
         verdict = next((v for v in source.content.verdicts if v.model == name and run in source.pick([v.record], "verdicts")), None)
         own = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
-        given = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
+        scenario = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
         readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
         local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | own
-        told.append(
+        scores.append(
             predict_record(
                 fit,
                 source.bound(run, stage),
-                scenario=scenario_of(given, run),
+                scenario=scenario_of(scenario, run),
                 local=local,
                 readings=plain_readings(readings),
                 window=literal(stage.window, "s", "window"),
             )
         )
-    lines = [str(t) for t in told]
-    if len(told) > 1:
-        lines.append(f"{len(told)} runs: {100 * sum(t.inside() for t in told) / len(told):.0f} % of the readings inside their 95 % bands")
-    say(as_json, {"stage": name, "records": [t.to_dict() for t in told]}, "\n".join(lines))
+    lines = [str(t) for t in scores]
+    if len(scores) > 1:
+        lines.append(
+            f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
+        )
+    say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines))
     leave(fit.standing)
 
 

@@ -38,16 +38,16 @@ def look(
     """Show layout, clock, gaps, faults and columns of logs, and the lines for a campaign. Exit code 2 if times cannot be read."""
     if to is not None and (len(logs) > 1 or to.suffix.lower() != ".svg"):
         raise RecordError("one log is drawn as one SVG. Give one log, and a name that ends in .svg.", "--svg")
-    seen = [picture.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
+    looks = [picture.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
     if to is not None:
-        write_text(to, seen[0].svg() + "\n", PICTURE)
+        write_text(to, looks[0].svg() + "\n", PICTURE)
     width = shutil.get_terminal_size((110, 24)).columns
-    bad = any(each.problem for each in seen)
-    parts = ["\n".join(each.lines(width)) for each in seen]
-    parts += ["\n".join(lines)] if (lines := picture.clock_lines(seen)) else []
+    bad = any(each.problem for each in looks)
+    parts = ["\n".join(each.lines(width)) for each in looks]
+    parts += ["\n".join(lines)] if (lines := picture.clock_lines(looks)) else []
     text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
-    clocks = {"clocks": picture.clocks_of(seen)} if len(seen) > 1 else {}
-    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in seen], **clocks}, text)
+    clocks = {"clocks": picture.clocks_of(looks)} if len(looks) > 1 else {}
+    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in looks], **clocks}, text)
     raise SystemExit(2 if bad else 0)
 
 

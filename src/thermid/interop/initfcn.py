@@ -115,12 +115,12 @@ class _Reader:
             raise ExpressionError(f"'{s.written}' has no finite value: {error}.", where) from None
         of, note = self._unit(s)
         text, basis = self._written(s, number, of)
-        made = parameter({"value": text, "note": note, "basis": basis}, where)
-        self.parameters[s.name], self.numbers[s.name], self.lines[s.name] = made, number, s.line
-        self.si[s.name] = float(made.expression.evaluate(lambda name: self.si[name]))
-        self.dimensions[s.name] = made.expression.dimension(lambda name: self.dimensions[name])
-        literal = made.expression.literal
-        if (literal is not None and literal.unit.absolute) or (literal is None and set(made.expression.names) & self.scales):
+        value = parameter({"value": text, "note": note, "basis": basis}, where)
+        self.parameters[s.name], self.numbers[s.name], self.lines[s.name] = value, number, s.line
+        self.si[s.name] = float(value.expression.evaluate(lambda name: self.si[name]))
+        self.dimensions[s.name] = value.expression.dimension(lambda name: self.dimensions[name])
+        literal = value.expression.literal
+        if (literal is not None and literal.unit.absolute) or (literal is None and set(value.expression.names) & self.scales):
             self.scales.add(s.name)
 
     def _check_name(self, s: Statement, where: str) -> None:
@@ -284,8 +284,8 @@ def statements(text: str, file: str, constants: Mapping[str, str]) -> Iterator[S
     found: list[Statement] = []
     for number, code, comment in _joined(_without_line_numbers(text.splitlines()), file):
         parts = [p.strip() for p in re.split(r"[;,](?![^(]*\))", code) if p.strip()]
-        made = [_assignment(part, f"{file}:{number}", number, constants) for part in parts]
-        found += _commented(made, comment)
+        assignments = [_assignment(part, f"{file}:{number}", number, constants) for part in parts]
+        found += _commented(assignments, comment)
     for k, statement in enumerate(found):
         yield replace(statement, later=tuple(s.name for s in found[k + 1 :]))
 

@@ -196,10 +196,10 @@ class _Writer:
         yield from ("", "function p = parameters()", "  % Values. [SI]")
         values = self.w.network.numbers().values
         for path in self.used:
-            given = self.table[path].parameter
-            if given.is_literal:
+            written = self.table[path].parameter
+            if written.is_literal:
                 unit = _si_unit(self.w.network.flat.parameters, path)
-                note = one_line(f"[{unit}] {given.note or given.basis}")
+                note = one_line(f"[{unit}] {written.note or written.basis}")
                 yield f"  p.{self.fields[path]} = {number_text(float(values[path]))};  % {note}"
         yield "end"
 

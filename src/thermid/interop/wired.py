@@ -116,8 +116,8 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         if row.form in MOVING or row.form in ("gas", "natural"):
             kind = "a table that follows values" if row.form in MOVING else "a law of gas at a pressure, which rests on tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {what}.", network.title)
-    given = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
-    for name, curve in given.items():
+    curves = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
+    for name, curve in curves.items():
         if curve is not None and not (curve.film[-1] if curve.film else curve).straight:
             raise DeckError(f"'{name}' is a smooth table, which is not written to {what}; straight lines are.", network.title)
     for node in network.stores:
@@ -151,19 +151,19 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
         rows,
         tuple(sources),
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
-        {name: given.drawn(wiring.scenario.seconds) for name, given in network.media.signals().items()}
-        | {name: given for name, given in wiring.signals.items() if name.startswith(signal_of(""))},
+        {name: curve.drawn(wiring.scenario.seconds) for name, curve in network.media.signals().items()}
+        | {name: curve for name, curve in wiring.signals.items() if name.startswith(signal_of(""))},
         massive,
     )
 
 
 def named_rows(rows: Iterable[ConductorRow]) -> tuple[tuple[str, ConductorRow], ...]:
     """Return rows with unique labels: a conductor of several rows is numbered."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     out = []
     for row in rows:
-        seen[row.name] = seen.get(row.name, 0) + 1
-        out.append((row.name if seen[row.name] == 1 else f"{row.name}.{seen[row.name]}", row))
+        counts[row.name] = counts.get(row.name, 0) + 1
+        out.append((row.name if counts[row.name] == 1 else f"{row.name}.{counts[row.name]}", row))
     return tuple(out)
 
 
@@ -368,5 +368,5 @@ class Text:
 def with_formulas(network: Network) -> Numbers:
     """Return the rows of a network with formulas over parameter paths as coefficients and capacitances."""
     values = network.numbers().values
-    given: dict[str, Any] = {path: named(path, value_of(value)) for path, value in values.items()}
-    return network.numbers(given)
+    expressions: dict[str, Any] = {path: named(path, value_of(value)) for path, value in values.items()}
+    return network.numbers(expressions)

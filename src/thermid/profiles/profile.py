@@ -388,10 +388,10 @@ class ThermalProfile:
 
     def value(self, name: str) -> float:
         """Return a number. [SI]"""
-        found = self[name].value
-        if isinstance(found, str):
-            raise ScenarioError(f"its {name} is a word: {found}.", self.title)
-        return found
+        number = self[name].value
+        if isinstance(number, str):
+            raise ScenarioError(f"its {name} is a word: {number}.", self.title)
+        return number
 
     def word(self, name: str, otherwise: str) -> str:
         """Return a word, or another where it is not given."""

@@ -175,8 +175,8 @@ class Qualification:
             lines += [f"  {line}" for line in str(t).splitlines()]
         if self.worst is not None:
             point, test, time, room = self.worst
-            left = f"{room:.1f} K left" if room >= 0 else f"{-room:.1f} K beyond its limit"
-            lines.append(f"  worst: {point} in {test} at {time / 3600:.2f} h, {left}")
+            margin = f"{room:.1f} K left" if room >= 0 else f"{-room:.1f} K beyond its limit"
+            lines.append(f"  worst: {point} in {test} at {time / 3600:.2f} h, {margin}")
         lines += [f"  margin: {m}" for m in self.margins]
         lines += [f"  not counted in {who}: {what}" for what, who in self._left_out().items()]
         lines += [f"  open: {o}" for o in self.open]

@@ -214,16 +214,18 @@ def run_test(plan: Plan, test: TestTable, progress: Callable[[int, int, float], 
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
-    seen = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
-    checks = check_limits(seen.solution, limits, state=_state(test))
+    foresight = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
+    checks = check_limits(foresight.solution, limits, state=_state(test))
     heaters = tuple(
-        heater_duty(seen, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy)
+        heater_duty(
+            foresight, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy
+        )
         for load, power in test.heaters.items()
     )
     ahead = f"{known.at}." if known.at else ""
-    outside = extrapolations(test, seen, plan.content.validity, [x.node for x in limits], ahead)
+    outside = extrapolations(test, foresight, plan.content.validity, [x.node for x in limits], ahead)
     remarks = in_short(course) if course is not None else ()
-    trial = Trial(test, known, seen, limits, checks, course, heaters, outside, remarks=remarks)
+    trial = Trial(test, known, foresight, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
 
@@ -356,8 +358,8 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
 def _ends(record: Record, column: str) -> tuple[float, float]:
     """Return the lowest and highest valid reading of a column. [degC]"""
     channel = record[column]
-    seen = channel.values[channel.valid] - ICE_POINT
-    return (float(seen.min()), float(seen.max())) if seen.size else (np.nan, np.nan)
+    celsius = channel.values[channel.valid] - ICE_POINT
+    return (float(celsius.min()), float(celsius.max())) if celsius.size else (np.nan, np.nan)
 
 
 def _state_remarks(test: TestTable) -> list[str]:
@@ -416,10 +418,10 @@ def _record(
     for role, columns in (("boundary", boundaries), ("load", loads)):
         channels |= {column: {role: path} for column, path in columns.items()}
     roots = [plan.data] if plan.data is not None else []
-    found = next((f for root in roots if (f := root / file).is_file()), None) or resolve_inside(plan.path.parent, file, f"{test.name}, log")
+    place = next((f for root in roots if (f := root / file).is_file()), None) or resolve_inside(plan.path.parent, file, f"{test.name}, log")
     log = test.log
     time = log.time or None if log is not None else None
-    record = read_record(found, channels, time=time, name=test.name)
+    record = read_record(place, channels, time=time, name=test.name)
     return record.prepare(log.prepare) if log is not None and log.prepare else record
 
 
@@ -586,8 +588,8 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
         out.append(f"{', '.join(unsaid)}: the test does not say")
     if validity.temperature:
         low, high = (literal(t, TEMPERATURE, "validity.temperature") - ICE_POINT for t in validity.temperature)
-        seen = [run.prediction[n].celsius for n in nodes]
-        least, most = min(float(s.min()) for s in seen), max(float(s.max()) for s in seen)
+        temperatures = [run.prediction[n].celsius for n in nodes]
+        least, most = min(float(s.min()) for s in temperatures), max(float(s.max()) for s in temperatures)
         if least < low - 0.05 or most > high + 0.05:
             out.append(f"temperature {least:.0f} .. {most:.0f} degC; calibrated {low:.0f} .. {high:.0f} degC")
     if validity.pressure:

@@ -149,8 +149,8 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
             "Reduce a part without it: at = ...",
             owner.where(f"nodes.{name}"),
         )
-    seen = run[node].kelvin
-    low, high = float(seen.min()), float(seen.max())
+    course = run[node].kelvin
+    low, high = float(course.min()), float(course.max())
     share = given.share(np.linspace(low, high, SAMPLES))
     level = given.level(np.array([low, high]))
     mean = float((level[1] - level[0]) / (high - low)) if high - low > 1e-6 else float(share[0])
@@ -166,8 +166,8 @@ def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> flo
         return float(conductance(row.form, coefficients, row.curve, np.array([a]), np.array([b]))[0])
     hot, cold = (run[end].kelvin for end in row.ends)
     weights = (hot - cold) ** 2
-    found = conductance(row.form, coefficients, row.curve, hot, cold)
-    return float(np.sum(found * weights) / weights.sum()) if weights.any() else 0.0
+    conductances = conductance(row.form, coefficients, row.curve, hot, cold)
+    return float(np.sum(conductances * weights) / weights.sum()) if weights.any() else 0.0
 
 
 @dataclass(frozen=True)
@@ -462,10 +462,10 @@ def reduce(
     ways = chain(part, held, drives)
     limit = literal(within, "K", "within") if isinstance(within, str) else within
     for count in sorted(ways) if limit is not None else [min(max(nodes or 0, min(ways)), max(ways))]:
-        found = _tried(model, given, runs, network, part, ways[count], at, judged)
-        if limit is None or abs(found.worst.largest) <= limit:
-            return found
-    farthest = abs(found.worst.largest)
+        trial = _tried(model, given, runs, network, part, ways[count], at, judged)
+        if limit is None or abs(trial.worst.largest) <= limit:
+            return trial
+    farthest = abs(trial.worst.largest)
     raise ScenarioError(f"no reduction keeps within {limit:g} K; with all masses the farthest is {farthest:.2g} K.", model.title)
 
 
@@ -540,7 +540,7 @@ def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
     aliases |= {n.removeprefix(ahead): name[n] for n in small.inside if n in name}
     aliases |= {a: aliases[p] for a, t in own.aliases.items() if (p := own.canonical(t)) in aliases}
     gases = dict.fromkeys(c.gas for c in network.flat.conductors if c.path.startswith(ahead) and _in_gas(c))
-    made = {name.get(gas, "*"): made_to(network.media.made_in(gas)) for gas in gases}
+    states = {name.get(gas, "*"): made_to(network.media.made_in(gas)) for gas in gases}
     return model_from_dict(
         {
             "title": f"{own.title} reduced to {len(small.masses)}",
@@ -552,7 +552,7 @@ def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
             "conductors": {f"link_{k}": link for k, link in enumerate(links, 1)},
             "loads": loads,
             "aliases": {a: t for a, t in aliases.items() if a != t and a not in taken},
-            "made_in": made,
+            "made_in": states,
         }
     )
 

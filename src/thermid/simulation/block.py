@@ -96,8 +96,8 @@ class BlockSolution(Solution):
         """Heater -> power (times,). [W]"""
         out = {}
         for name, heater in self.block.heaters.items():
-            given, command = self._scenario.loads.get(name, heater.power), self._scenario.commands.get(name, Constant(1.0))
-            signal = multiplied(given, command)
+            power, command = self._scenario.loads.get(name, heater.power), self._scenario.commands.get(name, Constant(1.0))
+            signal = multiplied(power, command)
             out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
         return out
 
@@ -162,8 +162,8 @@ class Again:
 
     def at(self, times: Array) -> Array:
         """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
-        made: Array = self.memo.made(times.tobytes(), lambda: self._made(times), most=4)
-        return made
+        fields: Array = self.memo.made(times.tobytes(), lambda: self._made(times), most=4)
+        return fields
 
     def _made(self, times: Array) -> Array:
         none = np.zeros(0)
@@ -235,11 +235,11 @@ def simulate_block(
 def steady_block(block: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution:
     """Return the steady temperatures of a block with the inputs of one time held, as a solution of one time; see `steady`."""
     network = compile_block(block, scenario)
-    found, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
-    cells, at = found.reshape(block.cells), np.array([float(time)])
+    kelvin, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
+    cells, at = kelvin.reshape(block.cells), np.array([float(time)])
     names = (*EXTREMES, *block.heaters, *FACES)
-    means = [float(found[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
-    watched = np.array([[found.mean(), found.max(), found.min(), *means]])
+    means = [float(kelvin[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
+    watched = np.array([[kelvin.mean(), kelvin.max(), kelvin.min(), *means]])
     grid = {"fields": cells[None], "final_field": cells, "field_times": at}
     return _solution(block, scenario, network, names, at, watched, statistics, grid, None)
 

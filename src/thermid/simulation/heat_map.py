@@ -92,9 +92,9 @@ class HeatMap:
         for path, value in values.items():
             head, _, field = path.rpartition(".")
             of = {"psi_JT": f"{head}.case", "psi_JB": next((b for c in flat.conductors if c.path == f"{head}.JB" for b in c.ends[1:]), "")}
-            seen = of.get(field, "")
-            if seen in temperatures and f"{head}.heat" in powers:
-                readings[f"{head}.junction"] = (field, temperatures[seen] + value_of(value) * powers[f"{head}.heat"])
+            text = of.get(field, "")
+            if text in temperatures and f"{head}.heat" in powers:
+                readings[f"{head}.junction"] = (field, temperatures[text] + value_of(value) * powers[f"{head}.heat"])
         return cls(temperatures, network.boundaries, paths, loads, parts, readings)
 
     def balances(self) -> tuple[NodeBalance, ...]:
@@ -135,8 +135,8 @@ class HeatMap:
         out: dict[str, list[str]] = {name: [] for name in asked or {}}
         for node in self.temperatures:
             head = node.partition(".")[0]
-            found = next((name for name, pattern in (asked or {}).items() if _meets(node, pattern)), None)
-            out.setdefault(found or self.parts.get(head, head), []).append(node)
+            colour = next((name for name, pattern in (asked or {}).items() if _meets(node, pattern)), None)
+            out.setdefault(colour or self.parts.get(head, head), []).append(node)
         for name, pattern in (asked or {}).items():
             if not out[name]:
                 raise NameNotFoundError(f"no node meets '{pattern}'.{nearest(pattern, self.temperatures)}", f"--group {name}")

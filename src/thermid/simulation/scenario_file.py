@@ -66,24 +66,24 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
     known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
     refuse_unknown(table, (*known, "gas", "sealed", "vented"), where, "a gas has {known}, not {}.", ScenarioError)
-    given: dict[str, Any] = {
+    fields: dict[str, Any] = {
         name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
     }
-    given |= {
+    fields |= {
         name: signal(columns.signal(table[name], known[name], where), known[name], where) for name in ("pressure", "wind") if name in table
     }
-    given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
+    fields |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
     with errors_at(where):
-        return Environment(**given)
+        return Environment(**fields)
 
 
 def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
     """Return what falls on a surface from the table of a scenario file."""
     known = Irradiation.__dataclass_fields__
     refuse_unknown(table, known, where, "radiation on a surface has no '{}'.{near} It has {known}.", ScenarioError)
-    given = {
+    fields = {
         name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
         for name, value in table.items()
     }
     with errors_at(where):
-        return Irradiation(**given)
+        return Irradiation(**fields)

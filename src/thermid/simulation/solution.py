@@ -267,8 +267,8 @@ class Run:
 
     def _at_turnings(self, nodes: Iterable[str]) -> Run:
         """Return the run stored at the turning points of some nodes too."""
-        found = [t.times for t in map(self.turnings, nodes) if t is not None]
-        times = np.union1d(self.times, np.concatenate([np.zeros(0), *found]))
+        stamps = [t.times for t in map(self.turnings, nodes) if t is not None]
+        times = np.union1d(self.times, np.concatenate([np.zeros(0), *stamps]))
         times = times[(times >= self.times[0]) & (times <= self.times[-1])]
         return self if times.size == self.times.size else self.again(times)
 
@@ -411,14 +411,14 @@ class Solution:
                         one of them lies: for runs whose samples are dear. All where None.
         """
         run, first, last = self._run, float(self.times[0]), float(self.times[-1])
-        found = [t for t in (run.turnings(run.network.find(n)) for n in nodes) if t is not None]
-        kept = [t.times if most is None or t.times.size <= 2 * most else t.furthest(most) for t in found]
+        turnings = [t for t in (run.turnings(run.network.find(n)) for n in nodes) if t is not None]
+        kept = [t.times if most is None or t.times.size <= 2 * most else t.furthest(most) for t in turnings]
         more = np.unique(np.concatenate([np.zeros(0), *kept]))
         switches = run.switches if most is None else np.intersect1d(run.switches, more)
         before = switches - np.maximum(JUST_BEFORE, 1e-12 * switches)
         more = np.concatenate([more, switches, before])
         times = np.union1d(self.times, more[(more > first) & (more < last)])
-        if not found or times.size == self.times.size:
+        if not turnings or times.size == self.times.size:
             return self
         return replace(self, times=times, free=(), _run=run.again(times))
 
@@ -435,8 +435,8 @@ class Solution:
     @cached_property
     def shares(self) -> dict[str, Array]:
         """Control of the deck -> its share (times,), by which what names it is multiplied. [-]"""
-        found = self._run.shares(self.times, self.temperatures)
-        return {name: found[name] for name in self._run.network.controls}
+        shares = self._run.shares(self.times, self.temperatures)
+        return {name: shares[name] for name in self._run.network.controls}
 
     @cached_property
     def modes(self) -> dict[str, tuple[str, ...]]:

@@ -81,9 +81,9 @@ class Trajectory:
         if self.pressure is not None and self.density is not None:
             return self.column(times, "pressure"), self.column(times, "density")
         model = upper_atmosphere if upper else standard_atmosphere
-        found: Air = model(self.column(times, "altitude"))
-        pressure = found.pressure if self.pressure is None else self.column(times, "pressure")
-        density = found.density if self.density is None else self.column(times, "density")
+        air: Air = model(self.column(times, "altitude"))
+        pressure = air.pressure if self.pressure is None else self.column(times, "pressure")
+        density = air.density if self.density is None else self.column(times, "density")
         return pressure, density
 
     def column(self, times: Array, name: str) -> Array:

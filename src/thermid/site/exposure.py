@@ -295,7 +295,7 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
 
 
 def _lit(given: Any) -> Signal:
-    made = Constant(float(given)) if isinstance(given, int | float) else signal(given, "1", "orbit, lit")
-    if not (made.bounds[0] >= 0.0 and made.bounds[1] <= 1.0):
+    lit = Constant(float(given)) if isinstance(given, int | float) else signal(given, "1", "orbit, lit")
+    if not (lit.bounds[0] >= 0.0 and lit.bounds[1] <= 1.0):
         raise ScenarioError("light is 0 in eclipse and 1 in the sun, or between.", "orbit, lit")
-    return made
+    return lit

@@ -172,20 +172,23 @@ def moisture(
     wet, names = _with_latent(model, [c.path for c in parts])
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
     before: Array | None = None
-    given: list[Array] = []
-    left: list[Array] = []
+    dry_heats: list[Array] = []
+    changes: list[Array] = []
     for count in range(1, PASSES + 1):
         solution = simulate(wet, scenario.with_(loads=heats), every=every)
         followed = follow(solution, parts, open_air, own)
-        given = [*given, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-KEPT:]
-        left = [*left, followed.latent - given[-1]][-KEPT:]
+        dry_heats = [*dry_heats, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-KEPT:]
+        changes = [*changes, followed.latent - dry_heats[-1]][-KEPT:]
         moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
         if told is not None:
             told(count, moved)
-        if max(moved, _remaining(moved, given, left)) < SETTLED:
+        if max(moved, _remaining(moved, dry_heats, changes)) < SETTLED:
             return Moisture.of(solution, parts, followed)
         before = solution.temperatures
-        heats = {names[c.path]: TableSignal(solution.times, heat, after="hold") for c, heat in zip(parts, _mixed(given, left), strict=True)}
+        heats = {
+            names[c.path]: TableSignal(solution.times, heat, after="hold")
+            for c, heat in zip(parts, _mixed(dry_heats, changes), strict=True)
+        }
     raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
 
 

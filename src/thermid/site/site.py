@@ -117,10 +117,10 @@ class Site:
         pvlib = _pvlib()
         seconds = np.atleast_1d(np.asarray(times, dtype=float))
         with quiet():
-            found = pvlib.solarposition.get_solarposition(
+            position = pvlib.solarposition.get_solarposition(
                 self.instants(begin, seconds), self.latitude, self.longitude, altitude=self.altitude, method="nrel_numpy"
             )
-        return SunPath(seconds, found["apparent_zenith"].to_numpy(float), found["azimuth"].to_numpy(float))
+        return SunPath(seconds, position["apparent_zenith"].to_numpy(float), position["azimuth"].to_numpy(float))
 
     def clear_sky(self, begin: str | datetime, times: Any, turbidity: float | None = None) -> dict[str, Array]:
         """Return direct_normal, diffuse and global (samples,) of a sky without clouds. [W/m^2]
@@ -140,13 +140,13 @@ class Site:
         options = {} if turbidity is None else {"linke_turbidity": turbidity}
         try:
             with quiet():
-                found = place.get_clearsky(index, **options)
+                sky = place.get_clearsky(index, **options)
         except ImportError:
             raise ScenarioError("the map of turbidity needs h5py; install it, or give turbidity = 3.", self.name) from None
         return {
-            "direct_normal": found["dni"].to_numpy(float),
-            "diffuse": found["dhi"].to_numpy(float),
-            "global": found["ghi"].to_numpy(float),
+            "direct_normal": sky["dni"].to_numpy(float),
+            "diffuse": sky["dhi"].to_numpy(float),
+            "global": sky["ghi"].to_numpy(float),
         }
 
     def instants(self, begin: str | datetime, seconds: Array) -> pandas.DatetimeIndex:

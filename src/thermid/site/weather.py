@@ -185,13 +185,13 @@ class Weather:
             return amount(begin, "s", self.name)
         if self.begin is None:
             raise RecordError("it has seconds only; give begin as '6 [h]', or read the weather with its beginning.", self.name)
-        given = begin if isinstance(begin, datetime) else self._read_stamp(begin)
-        if given.tzinfo is not None and self.begin.tzinfo is None:
+        instant = begin if isinstance(begin, datetime) else self._read_stamp(begin)
+        if instant.tzinfo is not None and self.begin.tzinfo is None:
             raise RecordError("its times name no zone, so an instant with one cannot be found; leave the zone out.", self.name)
-        if given.tzinfo is None:
+        if instant.tzinfo is None:
             # a time of day without zone is meant in the zone of the weather
-            given = given.replace(tzinfo=self.begin.tzinfo)
-        return (given - self.begin).total_seconds()
+            instant = instant.replace(tzinfo=self.begin.tzinfo)
+        return (instant - self.begin).total_seconds()
 
     def _read_stamp(self, text: str) -> datetime:
         year = self.begin.year if self.begin is not None else 0
@@ -249,22 +249,22 @@ def read_weather(
     target = Path(path)
     if not target.is_file():
         raise MissingDataError(f"there is no file '{target.name}'.", target.name)
-    given = read_columns(target, columns, begin, year, time)
+    table = read_columns(target, columns, begin, year, time)
     longest = amount(max_gap, "s", target.name)
     series: dict[str, WeatherSeries] = {}
     filled: list[str] = []
-    notes = list(given.notes)
-    for name, values in given.values.items():
+    notes = list(table.notes)
+    for name, values in table.values.items():
         if not np.isfinite(values).any():
             notes.append(f"{name} is missing throughout")
             continue
-        known = _bridged(given, name, values, longest, target.name, filled)
-        checked = _existing(given, name, known, target.name)
-        shift = 0.5 * given.step if name in RADIATION and (averaged or given.averaged) else 0.0
+        known = _bridged(table, name, values, longest, target.name, filled)
+        checked = _existing(table, name, known, target.name)
+        shift = 0.5 * table.step if name in RADIATION and (averaged or table.averaged) else 0.0
         series[name] = WeatherSeries(known.times - shift, checked)
     if "dry_bulb" not in series and not (set(RADIATION) & set(series)):
         raise RecordError(f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Say which with columns=.", target.name)
-    return Weather(target.name, given.begin, series, given.place, tuple(filled), tuple(notes))
+    return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
 def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
@@ -401,8 +401,8 @@ def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, tim
     table = read_plain(path, time)
     refuse_unknown(columns or {}, QUANTITIES, table.file, "no quantity '{}'.", NameNotFoundError)
     wanted = dict(columns or {n: n for n in table.names if n in QUANTITIES})
-    found = {q: table.column(column, QUANTITIES[q], USUAL.get(q, "")) for q, column in wanted.items()}
-    return Columns(table.times - table.times[0], found, _instant(table.stamp, begin, table.file), _step(table.times), False, {})
+    series = {q: table.column(column, QUANTITIES[q], USUAL.get(q, "")) for q, column in wanted.items()}
+    return Columns(table.times - table.times[0], series, _instant(table.stamp, begin, table.file), _step(table.times), False, {})
 
 
 def _instant(stamp: str | None, begin: str | None, file: str) -> datetime | None:

@@ -127,8 +127,8 @@ class Stability:
         """``stable``, ``not stable``, or ``cannot tell``: that of the worst channel, or of the heat that all take up together."""
         if self.stored is not None:
             return self.stored.verdict
-        seen = {c.verdict for c in self.channels.values()}
-        return next(v for v in ("not stable", "cannot tell", "stable") if v in seen)
+        verdicts = {c.verdict for c in self.channels.values()}
+        return next(v for v in ("not stable", "cannot tell", "stable") if v in verdicts)
 
     @property
     def stable(self) -> bool:

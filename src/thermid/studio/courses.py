@@ -64,8 +64,8 @@ class Shelf:
 
     def courses(self, desk: Desk) -> dict[str, Course]:
         """Return key -> what can be run on a desk's model, or on a plan's own."""
-        found = [*_own(desk), *self._written(), *_standards()]
-        return {c.key: c for c in found}
+        courses = [*_own(desk), *self._written(), *_standards()]
+        return {c.key: c for c in courses}
 
     def course(self, desk: Desk, key: str) -> Course:
         """Return one of them.
@@ -125,16 +125,16 @@ def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
     ------
     ScenarioError   When a number is none, or one of the two predicted temperatures is missing.
     """
-    found = load_profile(course.of[0]) if len(course.of) == 1 else profile_of(course.of[0], course.of[1], level=course.of[2])
+    profile = load_profile(course.of[0]) if len(course.of) == 1 else profile_of(course.of[0], course.of[1], level=course.of[2])
     ends = [asked.get("lowest"), asked.get("highest")]
     if (ends[0] is None) != (ends[1] is None):
         raise ScenarioError("give both the lowest and the highest predicted temperature, or neither.", course.title)
-    given = asked.get("numbers", {})
-    if not isinstance(given, Mapping) or not all(isinstance(v, str) for v in given.values()):
+    numbers = asked.get("numbers", {})
+    if not isinstance(numbers, Mapping) or not all(isinstance(v, str) for v in numbers.values()):
         raise ScenarioError("numbers are texts by name.", course.title)
     predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
-    changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in given.items() if v.strip()}
-    return found.with_(predicted=predicted, **changed)
+    changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in numbers.items() if v.strip()}
+    return profile.with_(predicted=predicted, **changed)
 
 
 def profile_object(found: ThermalProfile) -> dict[str, Any]:
@@ -237,8 +237,8 @@ class Outcome:
         course = self.course
         first = [*(course.chamber[:1] if course is not None else ()), *([course.base] if course is not None and course.base else [])]
         first += [one.node for one in self.limits]
-        given = set(course.chamber) if course is not None else set()
-        swings = sorted((n for n in self.solution.nodes if n not in given), key=lambda n: -float(np.ptp(self.solution[n].kelvin)))
+        driven = set(course.chamber) if course is not None else set()
+        swings = sorted((n for n in self.solution.nodes if n not in driven), key=lambda n: -float(np.ptp(self.solution[n].kelvin)))
         kept = list(dict.fromkeys(self.solution[n].path for n in first))
         return tuple(dict.fromkeys([*kept, *swings[: max(SHOWN - len(kept), 0)]]))
 
@@ -272,7 +272,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     limits, source = shelf.limits(desk)
     checks = check_limits(solution, limits, state=state)
     told(1, 1, scenario.seconds)
-    found: tuple[Margin, ...] = ()
+    rooms: tuple[Margin, ...] = ()
     bands: Mapping[str, Band] | None = None
     if asked.get("uncertain") and limits:
         if desk.calibration is None or values:
@@ -280,9 +280,9 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
                 "the uncertainty belongs to a fit's own values: run the stage, and put the sliders back (Reset).", desk.title
             )
         expected = foresee(Known.of(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
-        found, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
+        rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
     remarks = run.remarks if run is not None else tuple(solution.warnings)
-    return Outcome(f"{course.title} on {desk.title}", solution, limits, checks, run, found, bands, state, source, tuple(remarks))
+    return Outcome(f"{course.title} on {desk.title}", solution, limits, checks, run, rooms, bands, state, source, tuple(remarks))
 
 
 def _scenario(scenario: Scenario, gas: str) -> Scenario:
@@ -355,8 +355,8 @@ def _verdict(found: Outcome) -> dict[str, str]:
     """Return the worst part and time as a sentence, with a word that a mark can stand for."""
     worst, run = found.worst, found.course
     if worst is None:
-        given = set(run.chamber) if run is not None else set()
-        nodes = [n for n in found.solution.nodes if n not in given]
+        driven = set(run.chamber) if run is not None else set()
+        nodes = [n for n in found.solution.nodes if n not in driven]
         hot = max(nodes, key=lambda n: found.solution[n].highest)
         trace = found.solution[hot].maximum
         at = _hours(trace.time)

@@ -87,9 +87,9 @@ def window_of(asked: Mapping[str, Any]) -> Window:
     ------
     DeckError   When it is no pair of times.
     """
-    given = asked.get("window")
-    if given is None:
+    window = asked.get("window")
+    if window is None:
         return None
-    if not isinstance(given, list) or len(given) != 2 or not all(isinstance(v, int | float) for v in given) or not given[0] < given[1]:
+    if not isinstance(window, list) or len(window) != 2 or not all(isinstance(v, int | float) for v in window) or not window[0] < window[1]:
         raise DeckError("a window is two times, the earlier first.", "studio")
-    return float(given[0]), float(given[1])
+    return float(window[0]), float(window[1])

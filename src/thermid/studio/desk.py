@@ -68,7 +68,7 @@ class Desk:
     @cached_property
     def sliders(self) -> tuple[Slider, ...]:
         """Every parameter that is a number other than zero: those that the stage frees first, then in the order of the decks."""
-        found = {} if self.calibration is None else {p: v for p, v in self.calibration.values.items() if v.kind == "parameter"}
+        fitted = {} if self.calibration is None else {p: v for p, v in self.calibration.values.items() if v.kind == "parameter"}
         unknowns = {u.name: u for u in self.problem.unknowns if u.kind == "parameter"} if self.problem is not None else {}
         shared = {p for u in unknowns.values() for p in u.also}
         out = []
@@ -76,7 +76,7 @@ class Desk:
             literal = entry.parameter.expression.literal
             if literal is None or path in shared:
                 continue
-            value, error = (found[path].value, found[path].error) if path in found else (literal.value, None)
+            value, error = (fitted[path].value, fitted[path].error) if path in fitted else (literal.value, None)
             if value != 0.0 and math.isfinite(value):
                 unknown = unknowns.get(path)
                 out.append(slider_of(path, entry, value, error, unknown is not None, unknown.also if unknown is not None else ()))
@@ -113,15 +113,17 @@ class Desk:
 
         These keep the deck's value: it is the mean of a prior that names none.
         """
-        found = self.calibration.values if self.calibration is not None else {}
-        shown = {s.path: values.get(s.path, s.value) for s in self.sliders if s.path not in free and (s.path in values or s.path in found)}
+        fit_values = self.calibration.values if self.calibration is not None else {}
+        shown = {
+            s.path: values.get(s.path, s.value) for s in self.sliders if s.path not in free and (s.path in values or s.path in fit_values)
+        }
         return self._laid(self.model, shown)
 
     def _laid(self, model: Model, values: Mapping[str, float]) -> Model:
         """Return a model with values of sliders laid over it, in every instance that moves with them."""
         sliders = {s.path: s for s in self.sliders}
-        given = {p: f"{v!r} [{sliders[path].unit}]" for path, v in values.items() for p in (path, *sliders[path].also)}
-        return model.with_values(given, "tuned by hand")
+        texts = {p: f"{v!r} [{sliders[path].unit}]" for path, v in values.items() for p in (path, *sliders[path].also)}
+        return model.with_values(texts, "tuned by hand")
 
     def curves(self, values: Mapping[str, float], window: Window = None) -> tuple[RunCurves, ...]:
         """Return measured and simulated curves of every record, or of every scenario where nothing was measured.
@@ -137,8 +139,8 @@ class Desk:
         ThermidError   When a run cannot be finished at these values.
         """
         if self.problem is None:
-            given = {**self._starts, **self.si(values)}
-            return tuple(_of_scenario(simulator, given, window) for simulator in self._simulators)
+            values_si = {**self._starts, **self.si(values)}
+            return tuple(_of_scenario(simulator, values_si, window) for simulator in self._simulators)
         return tuple(self._of_record(i, values, window) for i in range(len(self.problem.experiments)))
 
     @cached_property
@@ -184,15 +186,15 @@ class Desk:
             return model, self.scenarios[run]
         fitted = self._fitted(values)
         experiment = self.problem.bench(run, fitted).experiment
-        found = self._inputs(run, fitted)
-        scenario = corrected(experiment.scenario, found)
+        inputs = self._inputs(run, fitted)
+        scenario = corrected(experiment.scenario, inputs)
         driven = [b for b in experiment.network.boundaries if b not in experiment.network.flat.names.boundaries]
         if driven:
             kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
             scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
         if not sensors:
             return model, replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in experiment.tips})
-        lags = {o.lag: f"{found[o.lag]!r} [s]" for o in experiment.observations if o.lag in found}
+        lags = {o.lag: f"{inputs[o.lag]!r} [s]" for o in experiment.observations if o.lag in inputs}
         return attached(model, experiment.record)[0].with_values(lags, "found by the fit"), scenario
 
     def moment(self, values: Mapping[str, float], run: int, time: float) -> Moment:
@@ -262,9 +264,9 @@ class Desk:
         """Return the fitted forms (unknowns,): as moved or found since, else as the stage's fit found them, else where it would start."""
         assert self.problem is not None
         si = {**self.si(values), **{name: v for name, v in values.items() if name in self.others}}
-        found = self.calibration.fitted if self.calibration is not None else {}
+        fitted = self.calibration.fitted if self.calibration is not None else {}
         return np.array(
-            [u.to_fitted(si[u.name]) if u.name in si else found.get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
+            [u.to_fitted(si[u.name]) if u.name in si else fitted.get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
         )
 
     def _inputs(self, run: int, fitted: Array) -> dict[str, float]:
@@ -278,8 +280,8 @@ class Desk:
         assert problem is not None
         fitted = self._fitted(values)
         bench = self._bench(run, fitted)
-        given = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
-        columns, _ = bench.temperatures(np.array([given[n] for n in bench.free]), False, problem.options)
+        values_si = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
+        columns, _ = bench.temperatures(np.array([values_si[n] for n in bench.free]), False, problem.options)
         out = []
         for k, o in enumerate(bench.experiment.observations):
             predicted = columns[o.index, k] + _bias(problem, o.sensor, fitted)

@@ -65,8 +65,8 @@ class Follower:
     def offered(self) -> dict[str, Any]:
         """Return the logs that may be followed, newest first, and the rules that there are."""
         root = project_root(self.folder)
-        found = [f for kind in KINDS for depth in ("", "*/", "*/*/") for f in self.folder.glob(depth + kind)]
-        inside = sorted((f for f in set(found) if f.is_file() and f.resolve().is_relative_to(root)), key=lambda f: -f.stat().st_mtime)
+        logs = [f for kind in KINDS for depth in ("", "*/", "*/*/") for f in self.folder.glob(depth + kind)]
+        inside = sorted((f for f in set(logs) if f.is_file() and f.resolve().is_relative_to(root)), key=lambda f: -f.stat().st_mtime)
         rules = [{"name": r.name, "source": r.source, "mark": r.mark} for r in RULES.values() if not r.stored]
         names = [f.relative_to(self.folder).as_posix() for f in inside[:OFFERED]]
         return {"given": None if self.log is None else self.log.name, "logs": names, "rules": rules}
@@ -117,19 +117,19 @@ class Follower:
         since = _hours(asked.get("since"), "since")
         names = [n for n in record.channels if n != reference]
         refuse_unknown([reference] if reference else (), record.channels, record.name, "there is no channel '{}'.")
-        found: dict[str, ChannelStability] = {}
+        stabilities: dict[str, ChannelStability] = {}
         why: dict[str, str] = {}
         first = float(record.times[0]) if since is None else since
         for n in names:
             try:
-                found[n] = channel_stability(record, n, rule, since=first)
+                stabilities[n] = channel_stability(record, n, rule, since=first)
             except RecordError as error:
                 why[n] = error.message
-        when = {n: since_when(record, n, rule, first) if c.verdict == "stable" else None for n, c in found.items()}
-        whole = Stability(record.name, rule, float(record.times[-1]), found, {}, when, None) if found else None
+        when = {n: since_when(record, n, rule, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
+        whole = Stability(record.name, rule, float(record.times[-1]), stabilities, {}, when, None) if stabilities else None
         focus = str(asked.get("channel") or "") or (whole.slowest if whole else names[0])
         kept = self._forecasts(record, sorted(names, key=lambda n: n != focus), rule, asked)
-        shown = [_channel(record.channels[n], record.times, window) | _words(n, found, why, when) for n in record.channels]
+        shown = [_channel(record.channels[n], record.times, window) | _words(n, stabilities, why, when) for n in record.channels]
         for c in shown:
             c["forecast"] = kept.told.get(c["name"])
         return {
@@ -155,8 +155,8 @@ class Follower:
             kept.behind = kept.end != end
             return kept
         begun = time.monotonic()
-        told = {n: _forecast(record, n, rule, asked, begun) for n in order}
-        self._kept = _Kept(of, told, end, time.monotonic(), time.monotonic() - begun)
+        forecasts = {n: _forecast(record, n, rule, asked, begun) for n in order}
+        self._kept = _Kept(of, forecasts, end, time.monotonic(), time.monotonic() - begun)
         return self._kept
 
 
@@ -196,19 +196,19 @@ def _forecast(record: Record, name: str, rule: StabilityRule, asked: Mapping[str
     since, slowest = _hours(asked.get("since"), "since"), _hours(asked.get("slowest"), "slowest")
     reference = str(asked.get("reference") or "")
     try:
-        told = forecast(record, name, since="start" if since is None else since, rule=rule, reference=reference, slowest=slowest)
+        outlook = forecast(record, name, since="start" if since is None else since, rule=rule, reference=reference, slowest=slowest)
     except ThermidError as error:
         return {"declined": error.message, "final": None}
-    final, declined = told.final, bool(told.declined)
+    final, declined = outlook.final, bool(outlook.declined)
     ends = [v - ICE_POINT for v in (final.value, final.low, final.high)]
     return {
-        "declined": told.declined,
+        "declined": outlook.declined,
         "final": None if declined else ends[0],
         "low": ends[1],
         "high": ends[2],
         "error": None if declined else final.error,
-        "holds": told.holds,
-        "late": told.holds_late,
+        "holds": outlook.holds,
+        "late": outlook.holds_late,
     }
 
 

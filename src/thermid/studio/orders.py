@@ -74,17 +74,17 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
 
 def _text(body: Mapping[str, Any], key: str) -> str:
-    found = body.get(key, "")
-    if not isinstance(found, str):
+    text = body.get(key, "")
+    if not isinstance(text, str):
         raise DeckError(f"'{key}' is no text.", "studio")
-    return found
+    return text
 
 
 def _values(body: Mapping[str, Any]) -> dict[str, float]:
-    found = body.get("values", {})
-    if not isinstance(found, dict) or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in found.values()):
+    sliders = body.get("values", {})
+    if not isinstance(sliders, dict) or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in sliders.values()):
         raise DeckError("values are numbers by path.", "studio")
-    return {str(k): float(v) for k, v in found.items()}
+    return {str(k): float(v) for k, v in sliders.items()}
 
 
 SINGLE = 1e6

@@ -102,12 +102,12 @@ class Project:
         if self.source is None:
             return ()
         direct = {s.name: {n for i in s.inherit.values() for n in i.stages} for s in self.source.content.stages}
-        found: set[str] = set()
+        stages: set[str] = set()
         waiting = set(direct[self.known(name)])
         while waiting:
-            found |= waiting
-            waiting = {n for w in waiting for n in direct[w]} - found
-        return tuple(s for s in self.stages if s in found)
+            stages |= waiting
+            waiting = {n for w in waiting for n in direct[w]} - stages
+        return tuple(s for s in self.stages if s in stages)
 
     def known(self, name: str) -> str:
         """Return the name of a stage.
@@ -157,15 +157,15 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a deck has no stage to run: nothing was measured. Open a campaign.", self.path.name)
-        found = fit(self._request(name), told)
-        if found.converged:
-            ended = np.array(list(found.fitted.values()))
-            remember(self.results, name, self._keys[name], list(found.fitted), ended, self._made_of[name])
-            found.save(self.results / f"{file_name(name)}.values.toml")
+        calibration = fit(self._request(name), told)
+        if calibration.converged:
+            ended = np.array(list(calibration.fitted.values()))
+            remember(self.results, name, self._keys[name], list(calibration.fitted), ended, self._made_of[name])
+            calibration.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):
                 self._forget(above)
-        return self._finish(name, found)
+        return self._finish(name, calibration)
 
     def fit(self, name: str, values: Mapping[str, float], free: tuple[str, ...], told: Told | None = None) -> Calibration:
         """Return a fit of chosen parameters that starts at values of the sliders; nothing is kept of it.
@@ -211,8 +211,14 @@ class Project:
             model = load_model(self.path)
             return Desk(name, model, None, self.scenarios(model))
         if name in self.done:
-            found = self.done[name]
-            return Desk(name, found.model, found.problem, () if found.problem is not None else self.scenarios(found.model), found)
+            calibration = self.done[name]
+            return Desk(
+                name,
+                calibration.model,
+                calibration.problem,
+                () if calibration.problem is not None else self.scenarios(calibration.model),
+                calibration,
+            )
         request = self._request(name)
         return Desk(name, request.model, build_problem(request))
 
@@ -254,8 +260,8 @@ class Project:
         target, k = self.results / f"{stem}.values.toml", 2
         while target.exists():
             target, k = self.results / f"{stem}_{k}.values.toml", k + 1
-        left = tuple(LeftOut(f"'{p}' was tuned by hand without an error") for p in states)
-        save_store(Store(states, root=np.zeros((len(states), 0)), left_out=left), target, origin.stage)
+        left_out = tuple(LeftOut(f"'{p}' was tuned by hand without an error") for p in states)
+        save_store(Store(states, root=np.zeros((len(states), 0)), left_out=left_out), target, origin.stage)
         return target
 
     def swap(self, part: str, deck: str) -> RetunePlan:
@@ -271,8 +277,8 @@ class Project:
         if undone:
             raise DeckError(f"stage '{undone[0]}' is not done; run the stages first.", self.title)
         file = resolve_inside(self.path.parent, deck, "swap", ())
-        made = Campaign(self.title, dict(self.done), (), dict(self._keys), "", None, self.source, dict(self._requests))
-        return plan_retune(made, part, load_model(file))
+        campaign = Campaign(self.title, dict(self.done), (), dict(self._keys), "", None, self.source, dict(self._requests))
+        return plan_retune(campaign, part, load_model(file))
 
     def decks(self) -> tuple[str, ...]:
         """Return the decks beside the campaign."""
@@ -377,27 +383,27 @@ class Watch:
     def changed(self) -> frozenset[Path]:
         """Return the files that were written, made or deleted since this was last asked."""
         known = {f: _stamp(f) for f in (*self._seen, *self._beside())}
-        found = frozenset(f for f, stamp in known.items() if self._seen.get(f) != stamp)
-        if found:
+        changed = frozenset(f for f, stamp in known.items() if self._seen.get(f) != stamp)
+        if changed:
             self._seen = self._stamps()
-        return found
+        return changed
 
     def _beside(self) -> list[Path]:
         """Return what may belong to the file: decks, scenarios, plans and tables of its folder, those inside and the one above; logs."""
         folder, root = self._path.parent, project_root(self._path.parent)
-        found = [*folder.glob("*.toml"), *folder.glob("*/*.toml"), *(folder.parent.glob("*.toml") if folder != root else ())]
-        found += [f for pattern in self._patterns for f in _matching(pattern)]
-        return [f for f in found if not f.resolve().is_relative_to(self._apart)]
+        files = [*folder.glob("*.toml"), *folder.glob("*/*.toml"), *(folder.parent.glob("*.toml") if folder != root else ())]
+        files += [f for pattern in self._patterns for f in _matching(pattern)]
+        return [f for f in files if not f.resolve().is_relative_to(self._apart)]
 
     def _stamps(self) -> dict[Path, Stamp]:
         """Return file -> stamp of all that there is to watch; a broken file keeps those watched that it named before."""
-        found: dict[Path, Stamp] = {f: _stamp(f) for f in (*self._seen, *self._beside())}
+        stamps: dict[Path, Stamp] = {f: _stamp(f) for f in (*self._seen, *self._beside())}
         walked: set[Path] = set()
         waiting, root = [self._path], project_root(self._path.parent)
         while waiting:
             file = waiting.pop()
             walked.add(file)
-            found[file] = _stamp(file)
+            stamps[file] = _stamp(file)
             try:
                 content = read_toml(file)[0]
             except ThermidError:
@@ -409,8 +415,8 @@ class Watch:
                     elif named.suffix == ".toml" and named not in walked and named.resolve().is_relative_to(root):
                         waiting.append(named)
                     else:
-                        found.setdefault(named, _stamp(named))
-        return found | {f: _stamp(f) for pattern in self._patterns for f in _matching(pattern)}
+                        stamps.setdefault(named, _stamp(named))
+        return stamps | {f: _stamp(f) for pattern in self._patterns for f in _matching(pattern)}
 
 
 def _stamp(file: Path) -> Stamp:

@@ -91,15 +91,15 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
     def page(request: Request) -> Response:
         return _file(request.path_params.get("name", "index.html"))
 
-    given, asked = questions(project, work, follower), orders(project, work)
+    answers, asked = questions(project, work, follower), orders(project, work)
     routes = [Route("/", page), Route("/static/{name}", page)]
-    routes += [Route(f"/api/{name}", reads(answer)) for name, answer in given.items()]
+    routes += [Route(f"/api/{name}", reads(answer)) for name, answer in answers.items()]
     routes += [Route(f"/api/{name}", writes(order), methods=["POST"]) for name, order in asked.items()]
     # a long log is read beside what the sliders ask for, not before it
     routes.append(Route("/api/bench", writes(follower.look, bench), methods=["POST"]))
-    made = Starlette(routes=routes)
-    made.add_middleware(Guard, port=port)
-    return made
+    application = Starlette(routes=routes)
+    application.add_middleware(Guard, port=port)
+    return application
 
 
 class Guard:

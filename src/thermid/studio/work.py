@@ -63,8 +63,8 @@ class Work:
         """Look at all stages anew where a file was changed on disk, unless something runs; return the state and edition of each."""
         if self._thread is None or not self._thread.is_alive():
             self._look_again(_Job("look", ""))
-        found = self._project.states
-        return {name: [found[name].state, found[name].edition] for name in self._project.stages}
+        states = self._project.states
+        return {name: [states[name].state, states[name].edition] for name in self._project.stages}
 
     def run(self, stage: str, below: bool) -> dict[str, Any]:
         """Begin to run a stage, with the ones below that are not done where `below`."""
@@ -99,10 +99,10 @@ class Work:
                 _going(j)
                 j.share, j.reached = step / steps, reached
 
-            found = run_course(self.shelf, desk, course, values, asked, told)
+            outcome = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
             fit = self._project.done.get(stage)
-            self.outcome = found if course.kind == "test" or fit is None else replace(found, standing=fit.standing)
+            self.outcome = outcome if course.kind == "test" or fit is None else replace(outcome, standing=fit.standing)
 
         return self._start("scenario", stage, job)
 

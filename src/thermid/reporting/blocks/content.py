@@ -68,10 +68,10 @@ class Table(PageBlock):
     @classmethod
     def of(cls, columns: Sequence[Head], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
         """Return a table; texts become cells."""
-        made = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
-        if any(len(row) != len(columns) for row in made):
+        lines = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
+        if any(len(row) != len(columns) for row in lines):
             raise ValueError("a row has not as many cells as there are columns")
-        return cls(tuple(columns), made, caption, title)
+        return cls(tuple(columns), lines, caption, title)
 
 
 def pretty(text: str) -> str:

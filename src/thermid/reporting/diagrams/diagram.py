@@ -102,11 +102,11 @@ def diagram(
     ThermidError   When the model does not compile, or a temperature is given for what is no node.
     """
     network = compile_network(model)
-    given = {network.find(name): float(value) for name, value in (temperatures or {}).items()}
+    kelvins = {network.find(name): float(value) for name, value in (temperatures or {}).items()}
     numbers = network.numbers()
     plain = fold(network.flat, folded)
-    values = conductances(plain, network, numbers, given)
-    at = pooled(plain, numbers, given)
+    values = conductances(plain, network, numbers, kelvins)
+    at = pooled(plain, numbers, kelvins)
     under = notes(plain, numbers, at)
     if flows:
         values = {drawn: watts(plain, drawn, flows) or text for drawn, text in values.items()}
@@ -355,8 +355,8 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
 
 def conductances(plain: FoldedModel, network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
     """Return conductor drawn -> its conductance as text, of a folded part the sum of its members."""
-    found = _single(network, numbers, given)
-    several = {drawn: [found[c] for c, _ in members if c in found] for drawn, members in plain.members.items()}
+    flows = _single(network, numbers, given)
+    several = {drawn: [flows[c] for c, _ in members if c in flows] for drawn, members in plain.members.items()}
     by = {c.path: c.controls for c in network.flat.conductors if c.controls}
     out = {drawn: ("" if all(sure for _, sure in own) else "≈") + quantity(sum(v for v, _ in own), "W/K") for drawn, own in several.items()}
     for drawn, members in plain.members.items():
@@ -376,9 +376,9 @@ def _single(network: Network, numbers: Numbers, given: Mapping[str, float]) -> d
     for row in numbers.conductors:
         ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
         fixed = row.kernel.linear or all(end in given for end in row.ends)
-        found = conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
+        conductances = conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
         total, sure = totals.get(row.name, (0.0, True))
-        totals[row.name] = (total + float(found[0]), sure and fixed)
+        totals[row.name] = (total + float(conductances[0]), sure and fixed)
     return totals
 
 
@@ -480,5 +480,5 @@ def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
         joined.append(replace(first, path=name, ends=(a, b)))
         members[name] = tuple(dict.fromkeys((c.path, sign) for c, sign in found))
     loads = tuple(replace(load, node=drawn(load.node)) for load in flat.loads)
-    left = replace(flat, nodes=shown, conductors=tuple([*alone, *joined]), loads=loads)
-    return FoldedModel(left, tuple(f"{p}." for p in outer), members, {p: tuple(n.path for n in found) for p, found in nodes.items()})
+    folded = replace(flat, nodes=shown, conductors=tuple([*alone, *joined]), loads=loads)
+    return FoldedModel(folded, tuple(f"{p}." for p in outer), members, {p: tuple(n.path for n in found) for p, found in nodes.items()})

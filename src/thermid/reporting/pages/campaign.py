@@ -64,7 +64,7 @@ def report(
     ------
     MissingExtraError   When jinja2 is not installed.
     """
-    made, of = tables.made_records(campaign)
+    records, of = tables.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
@@ -72,7 +72,7 @@ def report(
         to,
         title=campaign.title,
         campaign=campaign,
-        synthetic=made,
+        synthetic=records,
         record_count=of,
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=tables.verdicts(campaign) if campaign.verdicts else None,
@@ -256,10 +256,10 @@ def _line(m: Move) -> Line:
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
     error = m.below_error / float(unit(m.unit).factor)
     there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
-    seen = number(100 * m.detectable_share, 2) if m.told else DASH
+    detectable = number(100 * m.detectable_share, 2) if m.told else DASH
     here = plain(alone, 4) if m.told else DASH
     return [
-        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), seen, _result(m.verdict),
+        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), detectable, _result(m.verdict),
     ]  # fmt: skip
 
 

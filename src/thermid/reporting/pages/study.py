@@ -72,9 +72,11 @@ def study_report(
     ------
     MissingExtraError   When jinja2 is not installed.
     """
-    made, of = tables.made_records(campaign)
-    text = f"{len(made)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if made else ""
-    banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or made else []
+    records, of = tables.made_records(campaign)
+    text = (
+        f"{len(records)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if records else ""
+    )
+    banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
     shown = [Section.of("steps", "The four steps", steps(study)), _parts_section(study), *sections, _record_section(study, campaign)]
     failed = [v for v in campaign.verdicts if not v.passed]
     return write_page(
@@ -172,10 +174,10 @@ def _instruments(study: Study) -> Table:
 
 def _parts_section(study: Study) -> Section:
     counts = Counter(p.source for _, _, p in _stated(study))
-    told = ", ".join(f"{counts[source]} {source}" for source in sorted(counts))
+    sources = ", ".join(f"{counts[source]} {source}" for source in sorted(counts))
     blocks: list[PageBlock] = [
         parts(study),
-        Words(f"Values of the decks by their source: {told}. A value is written once, with its formula or range and the reason."),
+        Words(f"Values of the decks by their source: {sources}. A value is written once, with its formula or range and the reason."),
         folded("Where every value comes from", [provenance(study)], f"{sum(counts.values())} values"),
         folded("Area ledger of the whole", [tables.areas(study.model)]),
     ]
@@ -365,10 +367,10 @@ def structures_report(
 
 def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
     if chosen:
-        found = [s for s in structures if s.name == chosen]
-        if not found:
+        hits = [s for s in structures if s.name == chosen]
+        if not hits:
             raise ValueError(f"no structure is called '{chosen}'; there are {', '.join(s.name for s in structures)}.")
-        return found[0]
+        return hits[0]
     good = [s for s in structures if s.physical]
     best = min((s.error for s in good), default=0.0)
     return min((s for s in good if s.error <= CLOSE * best), key=lambda s: s.free, default=None)

@@ -117,9 +117,11 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
                 hits = [lines[-1][1]]
             for found in hits:
                 found[stage] = (float(values[path]), fitted.get(path))
-    told = [(any(f".{names[0][1]}".endswith(f".{name}") for name in HTC_NAMES), names, found) for names, found in lines]
-    htc = [_level_row(names, found, campaign) for is_htc, names, found in told if is_htc]
-    rest = [_level_row(names, found, campaign) for is_htc, names, found in told if not is_htc and any(v for _, v in found.values())]
+    lines_by_kind = [(any(f".{names[0][1]}".endswith(f".{name}") for name in HTC_NAMES), names, found) for names, found in lines]
+    htc = [_level_row(names, found, campaign) for is_htc, names, found in lines_by_kind if is_htc]
+    rest = [
+        _level_row(names, found, campaign) for is_htc, names, found in lines_by_kind if not is_htc and any(v for _, v in found.values())
+    ]
     columns = [
         Head("part"),
         Head("parameter"),
@@ -132,8 +134,8 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
 
 def _stage_column(fit: Calibration, stage: str) -> Head:
     """Return the column of a stage, with its standing where a reader must know it."""
-    told = fit.standing
-    return Head(stage, True) if told.fair else Head(f"{stage} ({told.state})", True, told.line(stage))
+    standing = fit.standing
+    return Head(stage, True) if standing.fair else Head(f"{stage} ({standing.state})", True, standing.line(stage))
 
 
 def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
@@ -290,8 +292,8 @@ def verdicts(campaign: Campaign) -> Table:
             condition = Cell(", ".join(v.fitted_locally), "fitted to this very record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
                 condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
-            found = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
-            rows.append([*first, c.sensor, c.title, *found, result, condition])
+            cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
+            rows.append([*first, c.sensor, c.title, *cells, result, condition])
     return Table.of(columns, rows)
 
 
@@ -367,11 +369,11 @@ def models(campaign: Campaign) -> Table:
     ]
     rows: list[Line] = []
     for stage, c in campaign.stages.items():
-        flat, made = flatten(c.model), c.values.provenance
-        identity, key = str(made.get("model", DASH)), campaign.keys.get(stage, "")
+        flat, provenance = flatten(c.model), c.values.provenance
+        identity, key = str(provenance.get("model", DASH)), campaign.keys.get(stage, "")
         sizes = [str(len(flat.nodes)), str(len(flat.conductors)), str(c.evaluations)]
         code = Cell(identity[:12], identity, "code")
-        made_with = [str(made.get("version", DASH)), str(made.get("date", DASH))]
+        made_with = [str(provenance.get("version", DASH)), str(provenance.get("date", DASH))]
         rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
     return Table.of(columns, rows)
 
@@ -614,9 +616,9 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
             if at_bound(value):
                 yield f"{value.path}: widen its bounds, or doubt the power, area or place that it stands for.", c.stage
     wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
-    told = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
-    if told:
-        yield f"Residuals wander at {_some(told)}: something is missing there; td.criticise says what.", ""
+    lines = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
+    if lines:
+        yield f"Residuals wander at {_some(lines)}: something is missing there; td.criticise says what.", ""
     apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
     if apart:
         yield (

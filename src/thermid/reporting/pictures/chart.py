@@ -172,17 +172,17 @@ def _together(panels: Sequence[Panel], limit: int) -> dict[int, NDArray[np.int64
 
 def seen(panels: Sequence[Panel], x_name: tuple[str, str], ends: tuple[float, float]) -> str:
     """Return in words what a chart shows: every line with its ends and its range."""
-    told = []
+    readout = []
     for p in panels:
         for line in p.lines[:6]:
             y = line.y[np.isfinite(line.y)]
             if y.size:
                 digits = min(3, max(0, 1 - math.floor(math.log10(max(float(np.ptp(y)), 1e-9)))))
                 span = f"{y.min():.{digits}f} to {y.max():.{digits}f}"
-                told.append(f"{line.label}: from {y[0]:.{digits}f} to {y[-1]:.{digits}f} {p.unit}, range {span}")
+                readout.append(f"{line.label}: from {y[0]:.{digits}f} to {y[-1]:.{digits}f} {p.unit}, range {span}")
         if len(p.lines) > 6:
-            told.append(f"and {len(p.lines) - 6} lines more")
-    return f"{x_name[0].capitalize()} {ends[0]:.4g} to {ends[1]:.4g} {x_name[1]}; " + "; ".join(dict.fromkeys(told)) + "."
+            readout.append(f"and {len(p.lines) - 6} lines more")
+    return f"{x_name[0].capitalize()} {ends[0]:.4g} to {ends[1]:.4g} {x_name[1]}; " + "; ".join(dict.fromkeys(readout)) + "."
 
 
 def _widened(low: float, high: float, share: float) -> tuple[float, float]:
@@ -201,8 +201,8 @@ def _panel(
     kept: Mapping[int, NDArray[np.int64]],
 ) -> str:
     left, top, width, height = box
-    found = [v[np.isfinite(v)] for line in p.lines for v in (line.y,)] + [v for a in p.areas for v in (a.low, a.high)]
-    low, high = min(float(v.min()) for v in found if v.size), max(float(v.max()) for v in found if v.size)
+    shown = [v[np.isfinite(v)] for line in p.lines for v in (line.y,)] + [v for a in p.areas for v in (a.low, a.high)]
+    low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
     low, high = min([low, *p.levels]), max([high, *p.levels])
     low, high = _widened(low, high, 0.05)
     high = p.top if p.top is not None and p.top < high else high

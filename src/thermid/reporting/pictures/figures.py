@@ -104,7 +104,7 @@ def compared(
     wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
     """
     length, unit = time_unit(float(times[-1] - times[0]))
-    x, y, left = times / length, measured - ICE_POINT, measured - predicted
+    x, y, residual = times / length, measured - ICE_POINT, measured - predicted
     bands: list[Area] = []
     low: list[Area] = []
     if wide > 0:
@@ -115,7 +115,11 @@ def compared(
     panels = [
         Panel("temperature", "°C", lines, bands, share=2.4),
         Panel(
-            below, "K", [Stroke("measured less simulated", x, left, LOOKS["residual"], 1.0, less=("measured", "simulated"))], low, (0.0,)
+            below,
+            "K",
+            [Stroke("measured less simulated", x, residual, LOOKS["residual"], 1.0, less=("measured", "simulated"))],
+            low,
+            (0.0,),
         ),
     ]
     markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
@@ -269,8 +273,8 @@ def curves(
     if below:
         panels.append(_axes(names[1], below, length))
     markup = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
-    seen = {c.label: c for c in (*lines, *below)}
-    entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in seen.items()]
+    legend = {c.label: c for c in (*lines, *below)}
+    entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in legend.items()]
     if band is not None:
         entries.append(LegendEntry(band.label, "--f-simulated", "band"))
     return Graphic(markup, tuple(entries))

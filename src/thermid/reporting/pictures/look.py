@@ -79,10 +79,10 @@ class Look:
 
     def _headline(self) -> str:
         rows = counted(len(self.cells.lines), "row")
-        made = ", SYNTHETIC" if self.cells.synthetic else ""
+        synthetic = ", SYNTHETIC" if self.cells.synthetic else ""
         kinds = [f"{sum(c.guess == kind for c in self.columns)} {kind}" for kind in _SHOWN if any(c.guess == kind for c in self.columns)]
         columns = f"{counted(len(self.columns), 'column')} ({', '.join(kinds) or 'none known'})"
-        return f"{self.path.name}: {self.cells.layout.format}{made}, {rows}, {columns}"
+        return f"{self.path.name}: {self.cells.layout.format}{synthetic}, {rows}, {columns}"
 
     def _layout(self) -> str:
         at = self.cells.layout

@@ -61,13 +61,13 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     """
     content, worst = q.plan.content, q.worst
     watermark = q.demonstration.upper()
-    found = [t.passed for t in q.trials] + [m.passed for m in q.margins]
-    failed, open_ = found.count(False), found.count(None)
+    outcomes = [t.passed for t in q.trials] + [m.passed for m in q.margins]
+    failed, open_ = outcomes.count(False), outcomes.count(None)
     summary = f"{counted(len(q.trials), 'test')}, {counted(len(q.margins), 'margin')}" + (f"; {open_} not decided" if open_ else "")
     summary += f"; {len(q.waived)} waived" if q.waived else ""
     if worst is not None:
-        left = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
-        summary += f"; nearest to a limit: {worst[0]} in {worst[1]} at {hours(worst[2])}, {left}"
+        margin = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
+        summary += f"; nearest to a limit: {worst[0]} in {worst[1]} at {hours(worst[2])}, {margin}"
     document = content.document.model_dump()
     names = {"number": "document", "prepared": "prepared by", "checked": "checked by", "approved": "approved by"}
     facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
@@ -80,7 +80,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         banners=[(watermark, "No statement on this page is about real hardware.")] if watermark else [],
         passed=q.passed,
         failed=failed,
-        judged=len(found),
+        judged=len(outcomes),
         summary=summary,
         outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
         sections=sections(q),
@@ -113,7 +113,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         Section.of("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
         Section.of("made", "Made with", [versions()]),
     ]
-    found = list(c.verdicts.values())
+    verdicts = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
     banner = [(watermark, "The readings were made, not measured.")] if synthetic else []
     said = f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met"
@@ -123,9 +123,9 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         opening=[],
         watermark=watermark,
         banners=banner,
-        passed=weigh(found),
-        failed=found.count(False),
-        judged=len(found),
+        passed=weigh(verdicts),
+        failed=verdicts.count(False),
+        judged=len(verdicts),
         summary=said,
         outcome=[],
         sections=blocks,
@@ -144,8 +144,8 @@ def _what_is_open(q: Qualification) -> list[PageBlock]:
     """Return what is not decided and why, what was waived, and what must be known of the logs."""
     waived = tuple(f"{n}: held against its limits alone" for n in q.waived)
     remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
-    found = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
-    return [Notes(lines, title) for title, lines in found if lines]
+    sections = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
+    return [Notes(lines, title) for title, lines in sections if lines]
 
 
 def _signatures(q: Qualification) -> list[str]:
@@ -234,13 +234,13 @@ def _criteria(q: Qualification) -> Table:
 
 
 def _configuration(q: Qualification) -> list[PageBlock]:
-    given = q.plan.content.configuration
-    rows: list[Line] = [[d.what, d.effect or DASH] for d in given.differences]
+    configuration = q.plan.content.configuration
+    rows: list[Line] = [[d.what, d.effect or DASH] for d in configuration.differences]
     flat = flatten(q.known.model)
     size = (("model", q.known.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
     table = Table.of([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
     return [
-        Facts((("as tested", given.as_tested or DASH), ("as flown", given.as_flown or DASH), *size)),
+        Facts((("as tested", configuration.as_tested or DASH), ("as flown", configuration.as_flown or DASH), *size)),
         table if rows else Words("No differences stated."),
     ]
 
@@ -267,12 +267,12 @@ def _as_run(q: Qualification) -> list[PageBlock]:
 def _leaks(q: Qualification) -> list[PageBlock]:
     rows: list[Line] = []
     for t in q.trials:
-        given = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
+        deck = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
         own = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
         flows = t.foresight.solution.heat_flows
         means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in own if path in flows]
         stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())
-        rows.append([Cell(t.test.name, given, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
+        rows.append([Cell(t.test.name, deck, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
     return [
         Table.of(
             [
@@ -290,8 +290,8 @@ def _stabilisation(q: Qualification) -> list[PageBlock]:
     for t in (t for t in q.trials if t.course is not None):
         assert t.course is not None
         waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} of waiting for the unit"
-        left = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
-        out.append(folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {left:.1f} K unfinished when a dwell begins"))
+        unfinished = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
+        out.append(folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {unfinished:.1f} K unfinished when a dwell begins"))
         out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
     for t in (t for t in q.trials if t.settled):
         held = sum(s.stable for s in t.settled)
@@ -303,10 +303,10 @@ def _heat(q: Qualification) -> list[PageBlock]:
     out: list[PageBlock] = []
     for t in q.trials:
         b = t.foresight.solution.heat_balance()
-        told = (
+        balance = (
             f"loads {number(b.loads / 1e3, 4)} kJ, to boundaries {number(b.boundaries / 1e3, 4)} kJ, stored {number(b.stored / 1e3, 4)} kJ"
         )
-        out.append(folded(t.test.name, [Words(f"{told}; what does not add up: {b.relative:.1e} of it."), tables.flows(t)]))
+        out.append(folded(t.test.name, [Words(f"{balance}; what does not add up: {b.relative:.1e} of it."), tables.flows(t)]))
     return out
 
 
@@ -334,14 +334,14 @@ def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
 
 
 def _open(q: Qualification) -> list[PageBlock]:
-    found = [*q.plan.content.discrepancies]
-    found += [
+    discrepancies = [*q.plan.content.discrepancies]
+    discrepancies += [
         f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"
         + ("" if t.diagnosis.single else "; no single fault explains most of it")
         for t in q.trials
         if t.diagnosis is not None and t.diagnosis.best is not None
     ]
-    return [Notes(tuple(found), "Open")] if found else [Words("None stated and none found.")]
+    return [Notes(tuple(discrepancies), "Open")] if discrepancies else [Words("None stated and none found.")]
 
 
 def _envelope(q: Qualification) -> list[PageBlock]:

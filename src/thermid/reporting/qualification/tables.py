@@ -120,8 +120,8 @@ def boundaries(q: Qualification) -> Table:
             logged = " .. ".join(f"{v:.1f}" for v in known[column]) if column in known else ("not logged" if t.test.log else DASH)
             head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
             planned = f"{trace.lowest:.1f} .. {trace.highest:.1f}"
-            seen = Cell(logged, "", "warn" if logged == "not logged" else "")
-            rows.append([head, name, planned, seen, column or DASH, stated_text(t.test.spread.get(name, DASH))])
+            logged_cell = Cell(logged, "", "warn" if logged == "not logged" else "")
+            rows.append([head, name, planned, logged_cell, column or DASH, stated_text(t.test.spread.get(name, DASH))])
     return Table.of(columns, rows, "Lowest to highest over the test.")
 
 
@@ -189,10 +189,20 @@ def phases(t: Trial) -> Table:
     for p in t.course.phases if t.course is not None else ():
         name = f"{p.name}, wait" if p.kind == "wait" else p.name
         rate = signed(3600 * p.rate, 2) if p.rule else DASH
-        left = signed(p.unfinished, 2) if p.unfinished is not None else DASH
+        remaining = signed(p.unfinished, 2) if p.unfinished is not None else DASH
         span = [hours(p.start), hours(p.duration), str(p.cycle) if p.cycle else DASH]
         rows.append(
-            [*span, name, "on" if p.power else "off", celsius(p.chamber), p.rule or DASH, p.slowest or DASH, rate, p.furthest or DASH, left]
+            [
+                *span,
+                name,
+                "on" if p.power else "off",
+                celsius(p.chamber),
+                p.rule or DASH,
+                p.slowest or DASH,
+                rate,
+                p.furthest or DASH,
+                remaining,
+            ]
         )
     return Table.of(columns, rows)
 
@@ -209,10 +219,10 @@ def foreseen(q: Qualification, t: Trial) -> Table:
         Head("measured, °C", True),
         Head("outside 95 %"),
     ]
-    seen = {o.sensor: o for o in t.correlation.overlays} if t.correlation is not None else {}
+    overlays = {o.sensor: o for o in t.correlation.overlays} if t.correlation is not None else {}
     rows: list[Line] = []
     for sensor, (node, _) in sensors_of(q.plan, t.test).items():
-        band, o = t.foresight.prediction[node], seen.get(sensor)
+        band, o = t.foresight.prediction[node], overlays.get(sensor)
         cells: list[Cell | str] = [Cell(sensor, node, "main")]
         beyond = []
         for word, k in (("lowest", int(band.kelvin.argmin())), ("highest", int(band.kelvin.argmax())), ("last", -1)):
@@ -221,11 +231,11 @@ def foreseen(q: Qualification, t: Trial) -> Table:
             if o is None:
                 cells.append(DASH)
                 continue
-            found = float({"lowest": o.measured.min(), "highest": o.measured.max(), "last": o.measured[-1]}[word])
+            extreme = float({"lowest": o.measured.min(), "highest": o.measured.max(), "last": o.measured[-1]}[word])
             wide = math.hypot(error, 1.96 * math.hypot(o.accuracy, o.noise))
-            off = abs(found - float(band.kelvin[k])) > wide
+            off = abs(extreme - float(band.kelvin[k])) > wide
             beyond += [word] if off else []
-            cells.append(Cell(celsius(found), f"{found - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
+            cells.append(Cell(celsius(extreme), f"{extreme - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
         rows.append([*cells, Cell(", ".join(beyond), "", "warn") if beyond else ("none" if o is not None else DASH)])
     return Table.of(
         columns,
@@ -352,9 +362,9 @@ def diagnoses(t: Trial) -> Table:
         Head("explains, %", True),
         Head("leaves, K", True),
     ]
-    found = t.diagnosis.suspects[:6] if t.diagnosis is not None else ()
+    suspects = t.diagnosis.suspects[:6] if t.diagnosis is not None else ()
     rows: list[Line] = [
-        [Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in found
+        [Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in suspects
     ]
     return Table.of(columns, rows, "Each fault tried by itself; explains: part of the weighted squares.")
 
@@ -417,10 +427,19 @@ def settled(t: Trial) -> Table:
         ranked = sorted(s.channels.values(), key=lambda c: -abs(c.rate))
         for k, c in enumerate(ranked):
             head = Cell(f"{c.start / 3600:.4g} .. {c.end / 3600:.4g}", "", "main" if k == 0 else "same")
-            left = signed(s.remaining[c.name].value, 2) if c.name in s.remaining else DASH
+            remaining = signed(s.remaining[c.name].value, 2) if c.name in s.remaining else DASH
             found = words.get(c.verdict or s.verdict) if s.decides else None
             rows.append(
-                [head, c.name, signed(3600 * c.rate, 2), f"{2 * 3600 * c.error:.2f}", s.rule.name, mark(s.rule.mark), left, verdict(found)]
+                [
+                    head,
+                    c.name,
+                    signed(3600 * c.rate, 2),
+                    f"{2 * 3600 * c.error:.2f}",
+                    s.rule.name,
+                    mark(s.rule.mark),
+                    remaining,
+                    verdict(found),
+                ]
             )
     return Table.of(columns, rows, "Readings of the log; ±: two standard errors.")
 
