@@ -1,4 +1,4 @@
-"""``thermid``: the table of its commands, and how a command that fails says so. A command's module is imported when it is called."""
+"""``thermid``: the table of its commands, and how errors are printed. A command's module is imported when it is called."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ COMMANDS = {
     ),
     "settle": Place(
         "logs.settle",
-        "Say whether a log is stable by a rule and where it will end; leave with 1 when it is not stable, 4 when that cannot be told.",
+        "Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide.",
     ),
     "plan": Place("qualify.plan", "Say what a plan predicts of each test, and whether it stands as it was locked."),
     "qualify": Place(
