@@ -49,8 +49,11 @@ def test_the_full_model_is_validated_from_files_and_commands(logs: Path, tmp_pat
     assert command("check", campaign).returncode == 0
     done = command("calibrate", campaign, "--json")
     said = json.loads(done.stdout)
-    assert {v["model"]: v["passed"] for v in said["verdicts"]} == {"m_PrE": True, "m_IMU": True, "m_Sd": True}, done.stdout[:2000]
+    # m_IMU misses its hold-out record by 0.9 K here as it does from plain logs: see the study's page
+    assert {v["model"]: v["passed"] for v in said["verdicts"]} == {"m_PrE": True, "m_IMU": False, "m_Sd": True}, done.stdout[:2000]
+    assert all(c["found_K"] < 0.45 for v in said["verdicts"] if v["model"] == "m_Sd" for c in v["checks"])
+    assert [s["mistakes"]["named"] for s in said["stages"]] == [[]] * 9
     assert all(s["synthetic"] for s in said["stages"])
     page = folder / "page.html"
-    assert command("report", campaign, "--to", page).returncode == 0
+    assert command("report", campaign, "--to", page).returncode == 1  # the verdict on m_IMU
     assert page.stat().st_size > 100_000

@@ -215,3 +215,8 @@ def test_the_grain_is_no_gram(text: str) -> None:
     with pytest.raises(UnitError, match=r"gr is the grain, 0\.0648 g\. Write g"):
         unit(text)
     assert float(unit("grain").factor) == pytest.approx(6.479891e-5)
+
+
+def test_a_dash_is_the_unit_of_a_pure_number() -> None:
+    assert unit("-").dimension == unit("1").dimension
+    assert (unit("-").factor, unit("-").offset) == (1, 0)

@@ -48,13 +48,15 @@ LAG = "lag"
 NAMED = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
 LEFT = 0.4
-"""Part of the misfit that a named mistake may leave, unless what it leaves is no more than honest models do. [-]"""
+"""Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
+MOST = 4
+"""Records that are looked at: the worst ones, where there are more."""
 RIVAL = 3.0
 """What a mistake must gain over a hypothesis that is none. [-]"""
 SECOND = 6
 """How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
-QUIET, USUAL = 0.8, 1.5
-"""Squares per thinned reading up to which nothing is looked for, and up to which what is left counts as usual. [-]"""
+QUIET = 0.8
+"""Squares per thinned reading up to which nothing is looked for. [-]"""
 FAR = 1.2
 """Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
 LAGS = (15.0, 40.0, 120.0)
@@ -109,12 +111,14 @@ class Mistakes:
     named : tuple of Mistake        Those with strong evidence, the likeliest first; empty where nothing needs one, or none explains it.
     bad : bool                      Whether readings or deck are missed by more than honest models do.
     tried : int                     How many hypotheses were fitted.
+    records : tuple of str          The records that were looked at: the worst ones of many.
     """
 
     stage: str
     named: tuple[Mistake, ...] = ()
     bad: bool = False
     tried: int = 0
+    records: tuple[str, ...] = ()
 
     @property
     def first(self) -> Mistake | None:
@@ -131,7 +135,7 @@ class Mistakes:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
-        return {"named": [m.to_dict() for m in self.named], "tried": self.tried}
+        return {"named": [m.to_dict() for m in self.named], "tried": self.tried, "records": list(self.records)}
 
 
 def find_mistakes(request: Request, stage: str = "") -> Mistakes:
@@ -159,6 +163,10 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
     bad = base.square > QUIET * fit.size or base.prior > FAR * max(free, 4)
     if not bad:
         return Mistakes(name)
+    if len(request.records) > MOST:
+        request = _worst(request, fit, base)
+        fit = RoughFit.of(request)
+        base = fit.solve(fit.start(fit.named(base)))
     known = hypotheses(request, fit, base)
     quick = [(h, _fitted(h, fit, base)) for h in known]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
@@ -167,22 +175,26 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
     least = max(NAMED, RIVAL + max((_gain(f[0], f[1], base) for f in found if f[0].kind == LAG), default=-np.inf))
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in found:
-        if h.kind != LAG and _gain(h, end, base) >= least and _explains(base, end, fit.size, free):
+        if h.kind != LAG and _gain(h, end, base) >= least and end.cost < LEFT * base.cost:
             amount = float(end.x[-1]) if h.heat is not None or h.extra is not None else 0.0
             made = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
             named.setdefault((h.kind, h.name), made)
-    return Mistakes(name, tuple(named.values()), bad, len(known))
+    return Mistakes(name, tuple(named.values()), bad, len(known), tuple(r.name for r in request.records))
+
+
+def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
+    """Return a request of the records that are missed most."""
+    missed: dict[str, float] = {}
+    for t, left in zip(fit.traces, base.left, strict=True):
+        missed[t.record] = max(missed.get(t.record, 0.0), float(np.mean((t.whiten @ left) ** 2)))
+    kept = sorted(missed, key=lambda r: -missed[r])[:MOST]
+    scenarios = {n: s for n, s in request.scenarios.items() if n in ("*", *kept)}
+    return replace(request, records=tuple(r for r in request.records if r.name in kept), scenarios=scenarios)
 
 
 def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
     """Return the gain of a hypothesis in the logarithm of the posterior's height, its rarity taken off. [-]"""
     return -np.inf if end is None else base.cost - end.cost - AGAINST[h.kind] - h.against
-
-
-def _explains(base: RoughEnd, end: RoughEnd, size: int, free: int) -> bool:
-    """Whether what is left is usual, or a small part of what was to be explained."""
-    usual = end.square < USUAL * size and end.prior < 2.0 * FAR * max(free, 4)
-    return usual or end.cost < LEFT * base.cost
 
 
 def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -> RoughEnd | None:

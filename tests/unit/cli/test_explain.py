@@ -65,3 +65,23 @@ def test_a_weight_that_cannot_be_is_not_physical(campaign: Path, call: Call) -> 
     assert mass["verdict"] == "not physical"
     assert "mass moves along" in mass["meaning"]
     assert call("plausibility", campaign, "--weight", "case").code == 2
+
+
+CAPTURE = "09:59:59.000 -> 2 x DS18B20\n" + "".join(
+    f"10:00:{k:02d}.000 -> T1: {20 + 0.1 * k:.2f} C  T2: {21 + 0.1 * k:.2f} C\n" for k in range(0, 50, 5)
+)
+SHEET = "Data;Hora;P (W)\n" + "".join(f"20/11/2026;10:00:{k:02d};4,1\n" for k in range(12, 60, 6))
+
+
+def test_look_shows_the_clocks_of_one_test(tmp_path: Path, call: Call) -> None:
+    (tmp_path / "bench.txt").write_text(CAPTURE)
+    (tmp_path / "supply.csv").write_text(SHEET)
+    (tmp_path / "plain.csv").write_text("time_s,T [degC]\n0,20\n10,21\n20,22\n")
+    said = call("look", *(tmp_path / n for n in ("bench.txt", "supply.csv", "plain.csv")))
+    assert "3 clocks of one test" in said.out
+    assert "supply.csv begins 12 s after bench.txt" in said.out
+    assert "plain.csv or bench.txt has no stamps: give the offset" in said.out
+    assert 'joined   = [{ record = "supply", offset = "12 [s]" }, { record = "plain", offset = "0 [s]" }]' in said.out
+    clocks = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--json").object["clocks"]
+    assert clocks == [{"file": "supply.csv", "record": "supply", "offset": 12.0}]
+    assert "clocks" not in call("look", tmp_path / "bench.txt", "--json").object
