@@ -26,7 +26,7 @@ from thermid.fit.discrepancy import (
 )
 from thermid.fit.regime_runs import kind_of_run
 from thermid.fit.regimes import FEW, LEFT, KindsSeen
-from thermid.knowledge.store import Distribution, LeftOut, Normal, Shifted, Source, Uniform, uniforms
+from thermid.knowledge.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, square_root, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Standing
@@ -41,6 +41,8 @@ from thermid.simulation.simulator import Simulator, prepare
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
 Form = Literal["add", "log", "factor", "mode", "node"]
+FURTHEST = 1e-7
+"""Share of a law below which no member lies. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error: nothing was fitted, so no log says it"
@@ -154,6 +156,18 @@ def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) ->
                 out[place[name]] = 0.0  # what an earlier fit found of it was replaced
                 for j, key in enumerate(k.sizes):
                     out[place[name], column[key]] = k.response[i, j]
+    return out
+
+
+def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
+    """Return assumed value -> fitted value -> what it moves by for one more of the assumed one's SI unit; of two fits the later's."""
+    out: dict[str, dict[str, float]] = {}
+    for k in kept:
+        for moved in out.values():
+            for name in k.names:
+                moved.pop(name, None)  # what an earlier fit found of it was replaced
+        for path, own in k.assumed.items():
+            out.setdefault(path, {}).update(zip(k.names, own.tolist(), strict=True))
     return out
 
 
@@ -345,6 +359,7 @@ class Budget:
     omitted : tuple of LeftOut      What is known to be left out before anything is run.
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
+    followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
     """
 
     model: Model
@@ -359,6 +374,7 @@ class Budget:
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
+    followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @classmethod
     def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
@@ -503,8 +519,17 @@ class Budget:
         out = self
         for names, how in groups:
             first, *also = map(ready.canonical, names)
-            law = Shifted(ready.law(first, how), -ready.nominal[first])
-            out = out.with_one(Source(first, "stated", law, f"the stated spread of {first}"), "stated", Target(first, "add", tuple(also)))
+            law, nominal = ready.law(first, how), ready.nominal[first]
+            again = [self.followed[n] for n in (first, *also) if n in self.followed]
+            # by its logarithm, so that what the fit would have found with another value makes up for all of it and not to first order
+            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
+            own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
+            target = Target(first, "log" if positive else "add", tuple(also))
+            out = out.with_one(Source(first, "stated", own, f"the stated spread of {first}"), "stated", target)
+            for fitted, moved in ((f, m) for known in again for f, m in known.items()):
+                row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
+                if row is not None:
+                    out.gain[row, -1] += moved * (nominal if positive else 1.0)
         return out
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
@@ -592,7 +617,7 @@ def budget_of(
     if misfit:
         words = "what the model could not follow in the records that it was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
-    make = make.with_stated(plain)
+    make = replace(make, followed=followed_by(source.kept)).with_stated(plain)
     if seen:
         make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
@@ -707,15 +732,51 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     if not loose:
         return ()
     words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({_listed([a.path for a in loose])})"
-    ready = prepare(budget.model, lasting(budget.scenario), [a.path for a in loose])
+    through = _solved_again(budget, [a.path for a in loose])
+    ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
         _, slopes = ready.settled()
     except SolverError:
         return ((LeftOut(words), {}),)
-    sizes = np.array([a.size for a in loose])
+    place = {name: k for k, name in enumerate(ready.free)}
+    moved = np.zeros((len(place), len(loose)))
+    for k, a in enumerate(loose):
+        moved[place[a.path], k] += a.size
+        for name, by in through.items():
+            moved[place[name], k] += by.get(a.path, 0.0) * a.size
     kept = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
-    effect = {n: float(np.linalg.norm(slopes[n] * sizes)) for n in kept if n in slopes}
+    each = {n: slopes[n] @ moved for n in kept if n in slopes}
+    effect = {n: float(np.linalg.norm(x)) for n, x in each.items()}
+    worst = max(effect, key=effect.__getitem__, default="")
+    if worst and effect[worst] > 0.0 and len(loose) > 1:
+        words += f"; {_costliest([a.path for a in loose], each[worst])}"
     return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
+
+
+def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return fitted value -> assumed value -> what a fit would have found more for one more of its SI unit. [SI]"""
+    forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log")}
+    numbers = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed)).numbers().values
+    out: dict[str, dict[str, float]] = {}
+    for path in paths:
+        for name, moved in budget.followed.get(path, {}).items():
+            if name in forms and name in numbers:
+                out.setdefault(name, {})[path] = moved * (float(value_of(numbers[name])) if forms[name] == "log" else 1.0)
+    return out
+
+
+def _costliest(paths: Sequence[str], effects: Array) -> str:
+    """Return which assumption costs most, and which are to be measured so that half of the effect is left."""
+    order = np.argsort(-np.abs(effects))
+    left, named = float(effects @ effects), []
+    for k in order:
+        named.append(f"'{paths[k]}'")
+        left -= float(effects[k] ** 2)
+        if left <= 0.25 * float(effects @ effects):
+            break
+    first = f"{named[0]} costs most ({abs(float(effects[order[0]])):.2g} K)"
+    several = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+    return f"{first}, and measuring {'it' if len(named) == 1 else several} leaves less than half"
 
 
 def first_line(left_out: Sequence[LeftOut], error: float) -> str:
