@@ -406,11 +406,11 @@ HEAD = """## Real runs: kinds that no fit saw
 Made by `python benchmarks/real_runs.py --page` from data that are not part of thermid (tclabsp, motor_bldc_tass, lhs1_vacuum_cooling;
 the examples say where they are from). One kind of run is left out at a time; values, sizes and factors come from the other kinds alone.
 Readings on a grid of 5 s, each run weighs the same, sensors within a run too; intervals of the shares by a bootstrap over kinds. The
-peer is commit 7b51ca9, frozen in `benchmarks/results/real_runs_7b51ca9.json`: as it was, times the one factor that scores best on the other kinds, and
-times the factor of run-level conformal prediction, which is infinite for fewer than 19 runs. The interval score is Gneiting's and Raftery's
-(2007): mean width, and 40 times what lies outside. Of tclabsp the room is fitted to each run, or stands on the run's first reading (a run
-that starts hot shows none: its room is assumed at 23 C, and its board where the passive heater is). Of the motor two kinds are left to fit,
-of the cube one: there the prior of 10 % decides, and the bands are wide. What is missed stands first.
+peer is commit 7b51ca9, frozen in `benchmarks/results/real_runs_7b51ca9.json`: as it was, times the one factor that scores best on the
+other kinds, and times the factor of run-level conformal prediction, which is infinite for fewer than 19 runs. The interval score is
+Gneiting's and Raftery's (2007): mean width, and 40 times what lies outside. Of tclabsp the room is fitted to each run, or stands on the
+run's first reading (a run that starts hot shows none: its room is assumed at 23 C, and its board where the passive heater is). Of the
+motor two kinds are left to fit, of the cube one: there the prior of 10 % decides, and the bands are wide. What is missed stands first.
 
 """
 
