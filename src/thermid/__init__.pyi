@@ -15,6 +15,8 @@ from thermid.design.next_test import Aim as Aim
 from thermid.design.next_test import next_test as next_test
 from thermid.errors import ThermidError as ThermidError
 from thermid.errors import ThermidWarning as ThermidWarning
+from thermid.estimation.estimate import estimate as estimate
+from thermid.estimation.estimation import Estimation as Estimation
 from thermid.explain.balance import EnergyBalance as EnergyBalance
 from thermid.explain.balance import energy_balance as energy_balance
 from thermid.explain.criticism import Criticism as Criticism
@@ -153,6 +155,7 @@ from thermid.site.exposure import eclipse_signal as eclipse_signal
 from thermid.site.exposure import orbit_irradiation as orbit_irradiation
 from thermid.site.moisture import Moisture as Moisture
 from thermid.site.moisture import moisture as moisture
+from thermid.site.orbit import orbit_fluxes as orbit_fluxes
 from thermid.site.pad import pad_scenario as pad_scenario
 from thermid.site.site import Site as Site
 from thermid.site.sky import OpenSky as OpenSky

@@ -130,6 +130,7 @@ def by_heading() -> dict[str, Names]:
         "Property over temperature": _model(fields.Property),
         "Joint": _model(schema.JointTable, JOINT_SLOTS),
         "Enclosure": _model(schema.EnclosureTable, {"dimensions": "m", "view_factors": "1", "exchange_factors": "1"}),
+        "Place of a face": _model(schema.PlaceTable, dict.fromkeys(("corner", "sides", "centre", "axis", "radius"), "m") | {"normal": "1"}),
         "Gap of a joint": _model(schema.Gap, SURFACE_SLOTS),
         "Heat load": _model(schema.LoadTable, dict(LOAD_SLOTS)),
         "Periodic load": _model(schema.Periodic, _group("periodic", LOAD_SLOTS)),

@@ -1,4 +1,4 @@
-"""``thermid``: the table of its commands, and how a command that fails says so. A command's module is imported when it is called."""
+"""``thermid``: the table of its commands, and how errors are printed. A command's module is imported when it is called."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ COMMANDS = {
         "symbolic",
     ),
     "export": Place(
-        "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
+        "exchange.export",
+        "Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN.",
+        "symbolic",
     ),
     "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),
     "htc": Place(
@@ -81,13 +83,17 @@ COMMANDS = {
     "identify": Place(
         "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
     ),
+    "estimate": Place(
+        "fit.estimate",
+        "Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon.",
+    ),
     "profile": Place(
         "qualify.profile",
         "Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit.",
     ),
     "settle": Place(
         "logs.settle",
-        "Say whether a log is stable by a rule and where it will end; leave with 1 when it is not stable, 4 when that cannot be told.",
+        "Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide.",
     ),
     "plan": Place("qualify.plan", "Say what a plan predicts of each test, and whether it stands as it was locked."),
     "qualify": Place(
@@ -101,6 +107,10 @@ COMMANDS = {
     "hold": Place(
         "fit.hold",
         "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
+    ),
+    "init": Place("start.init", "Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."),
+    "example": Place(
+        "start.example", "Copy a shipped example with its data into a new folder; published measurements are fetched and checked."
     ),
     "deliver": Place(
         "qualify.deliver", "Write decks, values, a reduced deck and what must come out into a folder, and check it from there."

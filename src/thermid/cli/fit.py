@@ -33,12 +33,15 @@ from thermid.cli.options import (
     Vacuum,
     leave,
     moments,
+    pairs,
     ready,
     say,
+    with_unit,
     writable,
     written,
 )
 from thermid.errors import ScenarioError, SolverError
+from thermid.estimation.estimate import estimated
 from thermid.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec
@@ -160,6 +163,28 @@ def identify(
         stages = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
     text = "\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in stages.values())
     say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text)
+
+
+def estimate(
+    campaign: CampaignPath,
+    noise: Annotated[
+        list[str], typer.Option("--noise", help="What drives the model: wall=free, or wall='2e-3 [K/s^0.5]'; a node, load or boundary.")
+    ],
+    stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
+    start: Annotated[list[str], typer.Option("--start-sd", help="NODE=DEVIATION of a start, such as wall='0.1 [K]'.")] = [],  # noqa: B006
+    horizon: Annotated[
+        str, typer.Option("--horizon", help="Over which left-out readings are foreseen; a fifth of the log by default.")
+    ] = "",
+    data: Data = None,
+    results: Results = None,
+    as_json: Json = False,
+) -> None:
+    """Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon."""
+    result = run_stages(campaign, data=data, cache=results or campaign.parent / "results")
+    request = result.requests[result[stage].stage if stage else list(result)[-1]]
+    found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
+    say(as_json, found.as_object(), found)
+    raise SystemExit(0 if found.chosen.maximum.converged else 1)
 
 
 def credibility(

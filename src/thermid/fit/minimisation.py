@@ -181,8 +181,7 @@ def minimise(
     SolverError             When the model cannot be run at the start.
     IdentificationError     When there is no such loss.
     """
-    if loss not in LOSSES:
-        raise IdentificationError(f"there is no loss '{loss}'; there are {', '.join(LOSSES)}.")
+    refuse_unknown([loss], LOSSES, "", "there is no loss '{}'; there are {known}.", IdentificationError)
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:

@@ -17,9 +17,10 @@ from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import evaluate
 from thermid.model.laws.signal import literal
+from thermid.model.parts.facing import degrees
 from thermid.network.network import Network
 from thermid.physics.constants import ICE_POINT
-from thermid.physics.correlations import correlation
+from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
 from thermid.simulation.solver.problem import Answer, Options, Traces, break_times, left_tables, read_nodes, signal_turnings
@@ -329,6 +330,11 @@ def outside(run: Run) -> tuple[str, ...]:
         root = value_of(row.coefficients[1]) * strength * evaluate(row.curve.film[1], 0.5 * (hot + cold))
         highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
         given = words[row.name]
+        if "tilt" in given:
+            gap = GapLaw(degrees(given["tilt"]), float(given["aspect"]))
+            if highest > gap.high:
+                out.append(f"{gap.name}, of '{row.name}', goes up to a Rayleigh number of {gap.high:g}; here it reaches {highest:.3g}")
+            continue
         law = correlation(given.get("htc.correlation", ""), given.get("htc.orientation", "vertical"))
         if highest > law.high or 0.0 < highest < law.low:
             out.append(
@@ -346,7 +352,7 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
     """Return a sentence for each gap so wide that its gas would not stay at rest."""
     out, values = [], run.assembled.numbers.values
     for c in run.network.flat.conductors:
-        if "gap" not in c.fields:
+        if "gap" not in c.fields or "tilt" in c.words:
             continue
         hot, cold = (run.traces.temperature(end) for end in c.ends)
         distance: Number = values[c.fields["gap"]]
@@ -356,7 +362,8 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
             width = 1e3 * value_of(distance)
             out.append(
                 f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken, and above"
-                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
+                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4; tilt and"
+                " aspect of the gap let it convect"
             )
     return tuple(out)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
@@ -109,7 +110,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     found, _ = settle(problem, a, instant)
     traces = Traces(problem.wiring, a, np.array([instant]), problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
-    heat = _heat(problem, a, temperatures, instant)
+    heat = _heat(problem, a, found, temperatures, instant)
     if kind:
         span = f"a period of {wiring.cycle:g} s" if wiring.cycle else f"{asked.seconds:g} s"
         bent = f"the means over {span} of {', '.join(wiring.changing)} are held; where laws bend, that is not the mean of the temperatures"
@@ -118,11 +119,12 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else (), heat=heat)
 
 
-def _heat(problem: KernelProblem, a: Assembled, temperatures: Mapping[str, float], instant: float) -> HeatMap:
+def _heat(problem: KernelProblem, a: Assembled, state: Array, temperatures: Mapping[str, float], instant: float) -> HeatMap:
     """Return where the heat goes at temperatures [K] with the inputs of one instant [s]."""
     wiring, times = problem.wiring, np.array([instant])
     flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in temperatures.items()}, times)
-    columns = [temperatures[n] for n in (*problem.nodes, *wiring.network.boundaries)]
+    # a store has a state of its own, its enthalpy, beside the temperatures
+    columns = [*state.tolist(), *(temperatures[n] for n in wiring.network.boundaries)]
     powers = problem.powers(a, np.array([columns]), times)
     return HeatMap.of(wiring.network, temperatures, {n: float(w[0]) for n, w in flows.items()}, {n: float(w[0]) for n, w in powers.items()})
 

@@ -123,7 +123,7 @@ def _plain_header(line: str, mark: str) -> str:
         return line
     try:
         names = next(csv.reader([line], delimiter=mark), [])
-    except csv.Error:  # a name without end; the reader of rows says so
+    except csv.Error:  # a name without end, which the reader of rows refuses
         return line
     plain = mark.join(names)
     return plain if '"' not in plain and plain.count(mark) == len(names) - 1 else line

@@ -46,7 +46,7 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     files: dict[Path, Model] = {}
     _collect(model, target, files)
     files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
-    texts = {file: _text(part, pattern if file == target else None) for file, part in files.items()}
+    texts = {file: model_text(part, pattern if file == target else None) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
     changed = target if pattern is not None and _one_file(pattern, target) else None
     kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
@@ -78,7 +78,7 @@ def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
         _collect(part.model, path.parent / _file_name(part.model.title), files)
 
 
-def _text(model: Model, like: Path | None) -> str:
+def model_text(model: Model, like: Path | None = None) -> str:
     """Return the TOML of one deck; layers laid over it become its [set] or its values."""
     data = to_dict(model)
     data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}

@@ -47,12 +47,13 @@ from thermid.model.parts.elements import (
     Node,
     Surface,
     finish_emissivity,
+    gap_scatter,
 )
 from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
-from thermid.physics.view_factors import SHAPES
+from thermid.physics.view_factors import SHAPES, Placed, placed_factors
 
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
@@ -207,6 +208,44 @@ class JointTable(ElementTable):
 Rows: TypeAlias = list[list[Real]]
 
 
+Corner: TypeAlias = Annotated[list[str | Real], Field(min_length=3, max_length=3)]
+
+
+class PlaceTable(StrictTable):
+    """Where a face of an enclosure lies: a rectangle by corner and two sides, a disc, or the side of a cylinder."""
+
+    corner: Corner | None = None
+    sides: Annotated[list[Corner], Field(min_length=2, max_length=2)] | None = None
+    centre: Corner | None = None
+    normal: Annotated[list[Real], Field(min_length=3, max_length=3)] | None = None
+    axis: Corner | None = None
+    radius: str | Real | None = None
+    inside: bool = False
+
+    def placed(self, where: str) -> Placed:
+        """Return the face in space."""
+        given = {key for key, value in self if value not in (None, False)}
+        radius = literal(self.radius, "m", where) if self.radius is not None else 0.0
+        centre, axis = _metres(self.centre, where), _metres(self.axis, where)
+        if given == {"corner", "sides"} and self.sides:
+            made = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
+        elif given == {"centre", "normal", "radius"} and self.normal:
+            x, y, z = self.normal
+            made = Placed("disc", centre, (x, y, z), radius=radius)
+        elif given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
+            made = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
+        else:
+            raise DeckError("a place has corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where)
+        if not (0.0 < made.area < float("inf") and any(made.first)):
+            raise DeckError("a place needs sides, a radius, a normal or an axis above zero.", where)
+        return made
+
+
+def _metres(corner: list[str | Real] | None, where: str) -> tuple[float, float, float]:
+    x, y, z = (0.0 if v in (0, "0") else literal(v, "m", where) for v in corner or (0, 0, 0))
+    return x, y, z
+
+
 class EnclosureTable(ElementTable):
     """Surfaces that radiate to one another: view factors of a shape, given ones, or exchange factors."""
 
@@ -215,18 +254,21 @@ class EnclosureTable(ElementTable):
     dimensions: dict[str, str | Real] = {}
     view_factors: Rows | None = None
     exchange_factors: Rows | None = None
+    places: dict[str, PlaceTable] = {}
     rest: str = ""
 
     def element(self, where: Where) -> Enclosure:
         """Return the enclosure."""
-        ways = [w for w in ("shape", "view_factors", "exchange_factors") if getattr(self, w)]
+        ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
         if len(ways) != 1:
             raise DeckError(
-                f"an enclosure has shape, view_factors or exchange_factors, one of them; given: {' and '.join(ways) or 'none of them'}.",
+                "an enclosure has places, shape, view_factors or exchange_factors, one of them; given: "
+                f"{' and '.join(ways) or 'none of them'}.",
                 where(""),
             )
         size = len(self.faces)
         views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
+        views = self._seen(where) if self.places else views
         for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
             if matrix and {len(matrix), *map(len, matrix)} != {size}:
                 raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
@@ -238,6 +280,15 @@ class EnclosureTable(ElementTable):
         elif dimensions:
             raise DeckError("dimensions belong to a shape.", where(""))
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
+
+    def _seen(self, where: Where) -> tuple[tuple[float, ...], ...]:
+        """Return the view factors of faces that have a place each."""
+        if set(self.places) != set(self.faces):
+            odd = sorted(set(self.places) ^ set(self.faces))[0]
+            raise DeckError(f"every face has a place and every place is a face; '{odd}' is not both.", where("places"))
+        placed = [self.places[name].placed(where(f"places.{name}")) for name in self.faces]
+        _, factors, _ = placed_factors(tuple(placed), tuple(self.faces), where=where("places"))
+        return tuple(map(tuple, factors.tolist()))
 
 
 def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
@@ -521,6 +572,20 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
         )
 
 
+def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: str) -> None:
+    """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
+    if not {"tilt", "aspect"} & set(words):
+        if "convection_factor" in fields:
+            raise DeckError("a convection_factor belongs to a gap that convects: give tilt and aspect.", where)
+        return
+    if not {"tilt", "aspect"} <= set(words):
+        raise DeckError('a gap that convects has tilt ("0 [deg]": its first end below) and aspect (height over thickness).', where)
+    tilt, aspect = degrees(words["tilt"], where), literal(words["aspect"], "1", where)
+    if not (0.0 <= tilt <= 180.0 and 1.0 <= aspect < float("inf")):
+        raise DeckError(f"a gap has a tilt from 0 to 180 degrees and an aspect of 1 or more, not {tilt:g} and {aspect:g}.", where)
+    fields.setdefault("convection_factor", gap_scatter(words, where))
+
+
 class _ConductorTable(ElementTable):
     """A path of heat between two nodes."""
 
@@ -531,6 +596,8 @@ class _ConductorTable(ElementTable):
     gas: str = ""
     fluid: str = ""
     to: str = ""
+    tilt: str = ""
+    aspect: str = ""
     control: Controlled | None = None
 
     def element(self, where: Where) -> Conductor:
@@ -542,6 +609,8 @@ class _ConductorTable(ElementTable):
         if shape is not None and not kind.tabulated:
             raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
+        if self.kind == "gas":
+            _check_gap(fields, words, where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         points = curve_of(self.table, "W/K", where(""))

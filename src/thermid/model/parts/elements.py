@@ -9,9 +9,10 @@ import numpy as np
 
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal, TableSignal
-from thermid.model.parts.facing import Facing
+from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
+from thermid.physics.correlations import GapLaw
 from thermid.physics.finishes import finish
 
 Fields = Mapping[str, Parameter]
@@ -121,6 +122,13 @@ def finish_emissivity(name: str, where: str) -> Parameter:
     """Return the emissivity of a finish."""
     surface = finish(name, where)
     return parameter({"value": surface.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": surface.basis}, where)
+
+
+def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:
+    """Return the factor on the convection of a closed gap: one, with the scatter of its correlation as bounds."""
+    law = GapLaw(degrees(words["tilt"], where), float(words["aspect"]))
+    known = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
+    return parameter(known | {"basis": f"scatter of {law.name} about their correlation"}, where)
 
 
 @dataclass(frozen=True)

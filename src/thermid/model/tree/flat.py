@@ -147,7 +147,7 @@ class Flat:
     surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
     finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
     faces : dict                        Surface path -> the surface as radiation from outside meets it.
-    made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where it says so.
+    made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where that stands.
     controls : dict                     Control path -> the control.
     """
 

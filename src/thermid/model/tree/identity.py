@@ -13,7 +13,7 @@ from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import SLOPES, TABULATED
 from thermid.model.parts.controls import Control
-from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity, gap_scatter
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
@@ -223,7 +223,7 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
     for raw, given in model.settings.items():
         path = model.canonical(raw)
         if path not in rows:
-            continue  # the table of values says so, with the nearest name
+            continue  # refused by the table of values, with the nearest name
         old = rows[path].given
         bounds = [old_b if b is None else b for b, old_b in ((given.minimum, old.minimum), (given.maximum, old.maximum))]
         whole = replace(given, minimum=bounds[0], maximum=bounds[1])
@@ -361,6 +361,12 @@ def made_to(state: MadeIn) -> dict[str, str]:
     return numbers | {"gas": state.gas}
 
 
+def _written_fields(c: Conductor) -> dict[str, Parameter]:
+    """Return the fields of a conductor without the scatter that a closed gap has by itself."""
+    own = gap_scatter(c.words, "") if "tilt" in c.words else None
+    return {name: given for name, given in c.fields.items() if name != "convection_factor" or given != own}
+
+
 def _control_to(control: Control) -> dict[str, Any]:
     """Return the table of a control."""
 
@@ -409,7 +415,7 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     }
     conductors = {
         n: {"kind": e.kind, "between": list(e.between)}
-        | _named(_grouped(e.fields), e.words)
+        | _named(_grouped(_written_fields(e)), e.words)
         | _law_to(e)
         | ({"takes": list(e.takes)} if e.takes else {})
         | _controlled(e.controls)

@@ -9,23 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from thermid.campaign.retune import RetunePlan
+from thermid.campaign.stages import Campaign
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.residuals import SensorStatistics
+from thermid.fit.uncertainty.moved import Moves
+from thermid.judge.verdict import Verdict
+from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
-
-if TYPE_CHECKING:
-    from thermid.campaign.retune import RetunePlan
-    from thermid.campaign.stages import Campaign
-    from thermid.fit.calibration import Calibration
-    from thermid.fit.problem.residuals import SensorStatistics
-    from thermid.fit.uncertainty.moved import Moves
-    from thermid.judge.verdict import Verdict
-    from thermid.knowledge.values import FittedValue
-    from thermid.physics.htc import HtcComparison
-    from thermid.simulation.solution import Solution
+from thermid.physics.htc import HtcComparison
+from thermid.simulation.solution import Solution
 
 SCHEMA = 1
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import value_of
-from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.errors import ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Sine, TableSignal
 from thermid.network.network import held_in, unreached
@@ -389,8 +389,7 @@ class Engine(KernelProblem):
         ScenarioError   When the machine lacks the instruction set `simd`.
         """
         known = ("auto", *_kernel.instruction_sets())
-        if simd not in known:
-            raise ScenarioError(f"this machine has no instruction set '{simd}'. Give one of {', '.join(known)}.", "simd")
+        refuse_unknown([simd], known, "simd", "this machine has no instruction set '{}'. Give one of {known}.", ScenarioError)
         return _kernel.Ensemble(
             self.problem,
             np.ascontiguousarray(coefficients),
