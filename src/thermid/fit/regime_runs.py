@@ -91,9 +91,10 @@ def _changes(given: Signal, least: float) -> float:
 
     A command that is set anew at most samples is a controller's: one that a person or a plan gives is held.
     """
-    if not isinstance(given, TableSignal) or given.values.size < 2:
+    if not isinstance(given, TableSignal) or given.instants.size < 2:
         return 0.0
-    return float(np.mean(np.abs(np.diff(given.values)) > least * np.abs(given.values).max()))
+    taken = given.at(given.instants)
+    return float(np.mean(np.abs(np.diff(taken)) > least * np.abs(taken).max()))
 
 
 def _powers(wiring: Wiring, times: Array) -> dict[str, Array]:
