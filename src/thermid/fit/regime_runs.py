@@ -156,6 +156,12 @@ def directions(flat: Flat, fitted: Sequence[str], loads: Sequence[str]) -> dict[
     return found | other if len(found) + len(other) <= MANY else found
 
 
+def driven(flat: Flat, scenario: Scenario) -> set[str]:
+    """Return the parameters that a scenario gives a course of its own, and the numbers behind them: nothing else may move these."""
+    given = {flat.names.model.canonical(p) for p in (*scenario.schedule, *scenario.gains.values())}
+    return {p for n in given if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
+
+
 def _emissivity(element: FlatConductor | FlatLoad | FlatNode) -> list[str]:
     return [element.emissivity] if isinstance(element, FlatConductor) and element.emissivity else []
 
@@ -356,7 +362,9 @@ def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     flat = problem.experiments[0].network.flat
     fitted = [*(u.name for u in problem.unknowns if u.kind == "parameter"), *(p for p in below if p in flat.parameters.table)]
     acting = {n for e in problem.experiments for n in _acting(e)}
-    names = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
+    fixed = {p for e in problem.experiments for p in driven(e.network.flat, e.scenario)}
+    every = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
+    names = {n: group for n, group in every.items() if n not in fixed}
     if not names:
         return None
     runs = _runs(fit, problem, names, misfit)

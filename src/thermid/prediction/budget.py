@@ -24,14 +24,14 @@ from thermid.fit.discrepancy import (
     losing_gas,
     misfit_kept,
 )
-from thermid.fit.regime_runs import kind_of_run
+from thermid.fit.regime_runs import driven, kind_of_run
 from thermid.fit.regimes import FEW, LEFT, KindsSeen
 from thermid.knowledge.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, square_root, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
-from thermid.model.tree.tree import ParameterSet, parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
 from thermid.prediction.split import split_values
@@ -474,21 +474,24 @@ class Budget:
         kind : str          That of the scenario; of one that was fitted, the fit has followed a part.
         tied : dict         Fitted value -> others that share it.
         """
+        fixed = driven(compile_network(self.model).flat, self.scenario)
         names = list(seen.directions)
-        sizes = np.array([seen.size(group) for group in seen.directions.values()])
+        sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
         free, moved = seen.response()
-        targets = [_deviation(n, tied.get(n, ())) for n in names]
         gain = np.diag(sizes)
         if kind in moved:
             rows = [names.index(n) for n in free if n in names]
             gain[rows] -= moved[kind][[free.index(names[r]) for r in rows]] * sizes
         others = sum((m * sizes) @ (m * sizes).T for k, m in moved.items() if k != kind) + np.zeros((len(free), len(free)))
         root = square_root(others, drop=True) if len(free) else np.zeros((0, 0))
-        held = [k for k, n in enumerate(free) if " " not in n]
+        held = [k for k, n in enumerate(free) if " " not in n and n not in fixed]
         known = {t.name: t for t in self.targets}
         own = [Target(free[k], known[free[k]].form if free[k] in known else "log", tied.get(free[k], ())) for k in held]
         words = seen.words
-        sources = [Source(f"kind of run: {n}", "structural", Normal(), words) for n in names]
+        acting = [k for k, n in enumerate(names) if n not in fixed]
+        targets = [_deviation(names[k], tied.get(names[k], ())) for k in acting]
+        sources = [Source(f"kind of run: {names[k]}", "structural", Normal(), words) for k in acting]
+        gain = gain[np.ix_(acting, acting)]
         fitted = [Source(f"kinds that were fitted: {k + 1}", "structural", Normal(), words) for k in range(root.shape[1])]
         return self.beside(sources, KINDS, targets, gain).beside(fitted, KINDS, own, root[held])
 
@@ -710,10 +713,10 @@ class Assumed:
 def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> list[Assumed]:
     """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
     table = parameter_table(model)
-    driven = {model.canonical(p) for p in (*scenario.schedule, *scenario.gains.values())}
-    moved = {p for n in driven if n in table for p in (n, ParameterSet(model).literal_behind(n))}
+    network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    moved = driven(network.flat, scenario)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
-    numbers = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed)).numbers().values
+    numbers = network.numbers().values
     out = []
     for p in (p for p in loose if p not in taken and value_of(numbers[p])):
         low, high = table[p].parameter.minimum, table[p].parameter.maximum
@@ -755,8 +758,10 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
 
 def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
     """Return fitted value -> assumed value -> what a fit would have found more for one more of its SI unit. [SI]"""
-    forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log")}
-    numbers = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed)).numbers().values
+    network = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed))
+    fixed = driven(network.flat, budget.scenario)
+    forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log") and t.name not in fixed}
+    numbers = network.numbers().values
     out: dict[str, dict[str, float]] = {}
     for path in paths:
         for name, moved in budget.followed.get(path, {}).items():

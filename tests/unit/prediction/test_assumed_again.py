@@ -100,3 +100,10 @@ def test_below_another_deck_the_names_move_along(found: Calibration, tmp_path: P
     known = known_of(load_values(tmp_path / "box.toml"), unit, at="b")
     bare, spread = (td.predict(known, OWN, spread=s)["b.case"].half_width.max() for s in ({}, {"b.skin.area": "0.006 [m^2]"}))
     assert spread <= 1.1 * bare
+
+
+def test_what_a_scenario_drives_is_left_alone(found: Calibration) -> None:
+    course = ([0.0, 7200.0], [0.05, 0.06])
+    told = td.predict(found, OWN.with_(schedule={"seal.conductance": course}))
+    assert told["case"].final.error > 0.0
+    assert not any("seal.conductance" in x.what for x in told.left_out)
