@@ -99,7 +99,7 @@ def check_campaign(
         where = source.where(f"stages.{k}")
         try:
             # what is inherited is not known yet; it changes values and no bindings
-            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": []}), k, {})
+            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": [], "courses": {}}), k, {})
         except ThermidError as error:
             found.append(_finding(error, where))
             continue

@@ -39,6 +39,10 @@ COMMANDS = {
         "fit.calibrate",
         "Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell.",
     ),
+    "criticise": Place("explain.criticise", "Test the residuals of a fit, and try missing elements in refits where they are not noise."),
+    "plausibility": Place(
+        "explain.plausibility", "Compare fitted values with correlations and physical ranges. Exit code 1 if one is not physical."
+    ),
     "report": Place("fit.report", "Run a campaign and write its report page, its PDF, or both."),
     "schema": Place("build.schema", "Print the JSON Schema of a file, for editors."),
     "studio": Place(

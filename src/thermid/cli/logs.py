@@ -43,8 +43,11 @@ def look(
         write_text(to, seen[0].svg() + "\n", PICTURE)
     width = shutil.get_terminal_size((110, 24)).columns
     bad = any(each.problem for each in seen)
-    text = "\n\n".join("\n".join(each.lines(width)) for each in seen) + (f"\npicture: {to}" if to is not None else "")
-    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in seen]}, text)
+    parts = ["\n".join(each.lines(width)) for each in seen]
+    parts += ["\n".join(lines)] if (lines := picture.clock_lines(seen)) else []
+    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
+    clocks = {"clocks": picture.clocks_of(seen)} if len(seen) > 1 else {}
+    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in seen], **clocks}, text)
     raise SystemExit(2 if bad else 0)
 
 

@@ -11,6 +11,7 @@ import typer
 
 from thermid.campaign.stages import run_stages
 from thermid.cli.options import Json, leave, pairs, say
+from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
 from thermid.reporting.pages import campaign as page
 from thermid.start.examples import EXAMPLES, copy_example, example_named
@@ -18,10 +19,11 @@ from thermid.start.originals import PUBLIC, copies
 from thermid.start.project import parted, write_project
 from thermid.start.proposal import propose
 from thermid.start.roles import Roles, roles_of, thinned, word
+from thermid.start.templates import TEMPLATES, write_template
 
 
 def init(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of one unit, in any format; the last of several judges.")],
+    logs: Annotated[list[Path] | None, typer.Argument(help="Logs of one unit, in any format; the last of several judges.")] = None,
     to: Annotated[Path, typer.Option("--to", help="Folder of the project.")] = Path("."),
     temperature: Annotated[
         list[str] | None, typer.Option("--temperature", help="COLUMN or COLUMN=PART; all that look like temperatures by default.")
@@ -35,10 +37,16 @@ def init(
     ] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
+    template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
     seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
     as_json: Json = False,
 ) -> None:
     """Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."""
+    if not logs:
+        _from_template(template, to, as_json)
+        return
+    if template:
+        raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
     scales = pairs(full_scale or [], "--full-scale")
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
     if sys.stdin.isatty() and not as_json:
@@ -60,6 +68,24 @@ def init(
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, "\n".join([str(made), *ignored]))
+
+
+def _from_template(name: str, to: Path, as_json: bool) -> None:
+    """Write a project of a template."""
+    if not name and sys.stdin.isatty() and not as_json:
+        for known, (words, _) in TEMPLATES.items():
+            typer.echo(f"  {known}: {words}", err=True)
+        typer.echo("  tclab: two heaters on a board, real measurements", err=True)
+        name = typer.prompt("1 of 1. Template", default="part", err=True)
+    if not name:
+        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init")
+    if name == "tclab":
+        made = copy_example(name, to if to != Path() else None, copies(None))
+        say(as_json, {"files": [str(made.folder)], "next": made.example.first}, str(made))
+        return
+    command, files = write_template(name, to)
+    lines = [*(f"wrote {file}" for file in files), f"next: {command}"]
+    say(as_json, {"files": [str(f) for f in files], "next": command}, "\n".join(lines))
 
 
 def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
@@ -109,7 +135,7 @@ def example(
         return
     asked = example_named(name)
     if run and not asked.campaign:
-        raise typer.BadParameter(f"example '{name}' has no campaign; its command is: {asked.first}")
+        raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
         typer.echo(asked.data.words, err=True)
     made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import MissingElement, missing_elements
+from thermid.explain.heats import unlogged_powers
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
 from thermid.linear_algebra import Array
@@ -138,6 +140,12 @@ class TraceCriticism:
         """Whether they are independent noise of the size that was stated."""
         return self.white and not self.loud
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI."""
+        keys = ("record", "sensor", "rmse", "noise", "lag_one", "ljung_box", "periodogram", "band", "effective", "white", "loud")
+        slopes = {n: {"slope": slope, "error": error} for n, (slope, error) in self.slopes.items()}
+        return {**{k: getattr(self, k) for k in keys}, "slopes": slopes}
+
     def __str__(self) -> str:
         """What they say, in words."""
         head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
@@ -171,6 +179,7 @@ class Candidate:
     evidence : float        The same less what chance gains with as many parameters (difference of BIC). [-]
     rmse : (float, float)   Before and after, all sensors. [K]
     fit : Calibration       The refit; None where it was refused.
+    chosen : int            Numbers chosen before the refit, such as the time of a course; they count as fitted ones.
     """
 
     name: str
@@ -180,6 +189,12 @@ class Candidate:
     evidence: float
     rmse: tuple[float, float]
     fit: Calibration | None
+    chosen: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI; `tried` is whether the refit was possible."""
+        keys = ("name", "found", "possible", "gain", "evidence")
+        return {**{k: getattr(self, k) for k in keys}, "rmse": list(self.rmse), "tried": self.fit is not None}
 
     def __str__(self) -> str:
         """The candidate in words."""
@@ -212,6 +227,16 @@ class Criticism:
     def suggested(self) -> Candidate | None:
         """The best supported element whose value is possible, with very strong evidence; None where there is none."""
         return next((c for c in self.candidates if c.fit is not None and c.possible and c.evidence > STRONG), None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return traces and candidates, in SI; `suggested` is the name of the best supported one, or nothing."""
+        best = self.suggested
+        return {
+            "stage": self.title,
+            "suggested": None if best is None else best.name,
+            "traces": [t.to_dict() for t in self.traces],
+            "candidates": [c.to_dict() for c in self.candidates],
+        }
 
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
@@ -264,7 +289,7 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
         return Criticism(fit.stage, traces, ())
     modes: Modes = {}
     old = _likelihood(fit, modes)
-    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)]
+    tried = [_tried(fit, old, m, modes) for m in (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))]
     return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
 
 
@@ -321,9 +346,9 @@ def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, mo
     except ThermidError as error:
         return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
     gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
-    added = max(len(found.fitted) - len(fit.fitted), 1)
+    added = max(len(found.fitted) - len(fit.fitted), 1) + missing.chosen
     evidence = gain - added * np.log(max(count, 2.0))
-    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found)
+    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found, missing.chosen)
 
 
 def _rmse(fit: Calibration) -> float:

@@ -146,7 +146,7 @@ class _Plain:
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class PromisedChange:
     """What one evaluation promises of a change.
 
     Parameters
@@ -326,14 +326,14 @@ class _Searching:
             return None
         top = max(m.held.likelihood(scale) for m in able)
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
-        return min(near, key=lambda m: (m.nodes, -m.held.likelihood(scale)))
+        return min(near, key=lambda m: _rank(m, scale))
 
     def _challenge(self, best: FittedStructure) -> None:
         """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
         for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
             self._refitted(best, score)
 
-    def _scores(self, best: FittedStructure) -> list[Score]:
+    def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return the score of every change."""
         seen = Fitted.of_problem(best.request, best.problem, best.end.fitted)
         reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
@@ -354,15 +354,15 @@ class _Searching:
                 except ThermidError:
                     continue
                 self.scored += 1
-                out.append(Score(change, start, (before - after) / reduced))
-        best_of: dict[str, Score] = {}
+                out.append(PromisedChange(change, start, (before - after) / reduced))
+        best_of: dict[str, PromisedChange] = {}
         for score in out:
             rival = best_of.get(score.change.name)
             if rival is None or score.gain > rival.gain:
                 best_of[score.change.name] = score
         return list(best_of.values())
 
-    def _refitted(self, best: FittedStructure, score: Score) -> FittedStructure | None:
+    def _refitted(self, best: FittedStructure, score: PromisedChange) -> FittedStructure | None:
         if self._late():
             return None
         try:
@@ -406,11 +406,16 @@ class _Searching:
         scale = self._scale()
         own = best.held.likelihood(scale)
         alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
-        return min(alike, key=lambda s: (s.nodes, -s.held.likelihood(scale))) if alike else best
+        return min(alike, key=lambda s: _rank(s, scale)) if alike else best
 
 
-def _pair(a: Score, b: Score) -> Score:
-    return Score(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
+def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, float]:
+    """Return what the simplest of equals is least in: masses, then held-out likelihood with half a unit for each unknown."""
+    return one.nodes, 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
+
+
+def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
+    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
 def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.campaign.advice import next_command
 from thermid.campaign.retune import RetunePlan
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
@@ -249,12 +250,18 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
     return {
         "title": campaign.title,
         "standing": campaign_standing(campaign),
-        "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+        "stages": [{**calibration_object(fit), **_advice(campaign, name)} for name, fit in campaign.stages.items()],
         **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
         "verdicts": [_verdict(v) for v in campaign.verdicts],
         "passed": campaign.passed,
         "values_files": values,
     }
+
+
+def _advice(campaign: Campaign, stage: str) -> dict[str, Any]:
+    """Return the mistakes that would explain a stage's misfit, and the next command to try; empty where there is none."""
+    found = campaign.mistakes[stage]
+    return {"mistakes": found.to_dict(), "next": next_command(campaign.file, campaign.stages[stage], found)}
 
 
 def retune_object(plan: RetunePlan) -> dict[str, Any]:
