@@ -21,7 +21,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
-from thermid.fit.regime_runs import regimes_of
+from thermid.fit.regime_runs import driven, regimes_of
 from thermid.fit.regimes import KEY as REGIMES
 from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.fit.uncertainty.stretches import binned
@@ -40,6 +40,8 @@ from thermid.simulation.solver.problem import Options, Traces
 from thermid.simulation.solver.wiring import Wiring
 
 POINTS = 301
+MANY = 40
+"""Assumed values beyond which none is solved again: each costs a derivative of every run."""
 SMALL = 1e-3
 """Part of the reference difference below which a coefficient's growth with the difference no longer matters: no heat flows."""
 EXPONENT = 1.0 / 3.0
@@ -263,6 +265,8 @@ class Discrepancy:
     misfit : dict                   Node -> standard deviation of what wanders in its residuals, once the fit has done what it can. [K]
     surfaces : dict                 Path of a conductor -> mean temperatures of its surface and gas over the records. [K]
     separated : tuple of str        Contacts of which some record had another gas, or another pressure of it, than air on the ground.
+    assumed : dict                  Assumed value of a deck -> what the fit would have found for one more of its SI unit, less what it
+                                    found (names,); fitted form.
     """
 
     conditions: Mapping[str, OperatingPoint]
@@ -273,6 +277,7 @@ class Discrepancy:
     misfit: Mapping[str, float]
     surfaces: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     separated: tuple[str, ...] = ()
+    assumed: Mapping[str, Array] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -287,6 +292,7 @@ class Discrepancy:
             "misfit": dict(self.misfit),
             "surfaces": {p: list(at) for p, at in self.surfaces.items()},
             "separated": list(self.separated),
+            "assumed": {p: moved.tolist() for p, moved in self.assumed.items()},
         }
 
     @classmethod
@@ -303,6 +309,7 @@ class Discrepancy:
             {n: float(x) for n, x in data["misfit"].items()},
             {p: (float(hot), float(cold)) for p, (hot, cold) in data["surfaces"].items()},
             tuple(data["separated"]),
+            {p: np.array(moved, dtype=float) for p, moved in data.get("assumed", {}).items()},
         )
 
     @cached_property
@@ -388,7 +395,9 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
-    kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
+    rows = [place[n] for n in names]
+    assumed = {p: moved[rows] for p, moved in _moved_by_assumed(fit, problem, at).items()}
+    kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     regimes = regimes_of(fit, misfit)
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
@@ -442,10 +451,40 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
             targets[p.path, p.kind] += [Influence(i, f"scale.{n}") for n in p.names(network.boundaries)]
     more = tuple(Unknown(f"{kind} {path}", "pattern", tuple(t), 0.0) for (path, kind), t in targets.items())
     wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
+    return _moved_by(fit, problem, wide, np.concatenate([at, np.zeros(len(more))]))
+
+
+def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> dict[str, Array]:
+    """Return assumed value of the deck -> what every unknown (unknowns,) would move by for one more of its SI unit.
+
+    So a spread of an assumed value is solved again: it cancels where the fit pins the answer, and opens where it does not.
+    """
+    if not problem.unknowns or any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
+        return {}
+    table = problem.experiments[0].network.flat.parameters.table
+    free = {t.name for u in problem.unknowns for t in u.targets}
+    free |= {p for e in problem.experiments for p in driven(e.network.flat, e.scenario)}
+    paths = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in free]
+    if not paths or len(paths) > MANY:
+        return {}
+    values = problem.experiments[0].network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
+    runs = range(len(problem.experiments))
+    more = [Unknown(p, "parameter", tuple(Influence(i, p) for i in runs), float(value_of(values[p]))) for p in paths]
+    wide = replace(problem, unknowns=(*problem.unknowns, *more), coupled=())
+    moved = _moved_by(fit, problem, wide, np.concatenate([at, [u.start for u in more]]))
+    return {p: moved[:, k] for k, p in enumerate(paths)}
+
+
+def _moved_by(fit: Calibration, problem: Problem, wide: Problem, at: Array) -> Array:
+    """Return what the unknowns of a fit would move by for a unit of those that `wide` has beyond them: ``-C J'K`` (unknowns, more).
+
+    `at` are the unknowns of `wide` at the end of the fit.
+    """
+    size = len(problem.unknowns)
     level = max(1.0, fit.reduced_chi_square)
-    known = finite(covariances(ended(problem, at, fit.loss), level)[2])
-    cross = np.zeros((size, len(keys)))
-    for b in binned(wide, np.concatenate([at, np.zeros(len(keys))]), fit.loss).values():
+    known = finite(covariances(ended(problem, at[:size], fit.loss), level)[2])
+    cross = np.zeros((size, at.size - size))
+    for b in binned(wide, at, fit.loss).values():
         cross += b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:])
     return np.asarray(-known @ cross / level)
 

@@ -23,6 +23,7 @@ from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
 from thermid.fit.uncertainty.stretches import stretch_means
 from thermid.linear_algebra import Array, Indices, symmetric_inverse
+from thermid.model.laws.signal import Signal, TableSignal
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.model.tree.identity import identity_of
 from thermid.physics.constants import ICE_POINT
@@ -40,9 +41,9 @@ SWEEPS = 4
 """How often each size is looked for in turn."""
 INSTANTS = 601
 """Times at which the powers of a run are looked at."""
-ACTIVE, STEP, RESTLESS = 0.02, 0.02, 0.25
-"""Share of the power from which a load acts; change of it, in parts of its largest, that is one; share of such instants from which it
-varies continuously. [-]"""
+ACTIVE, STEP, RESTLESS = 0.02, 0.02, 0.6
+"""Share of the power from which a load acts; change of it, in parts of its largest, that is one; share of samples with one from which a
+command is a controller's, and a power varies continuously. [-]"""
 HOT, BAND, BORDER = 5.0, 20.0, -10.0
 """Kelvin from the boundary from which a start is hot; width of the classes of a boundary's temperature, and one of their borders
 [degC]."""
@@ -75,9 +76,25 @@ def _heated(wiring: Wiring) -> str:
     active = sorted(n for n, w in watts.items() if np.abs(w).mean() > ACTIVE * whole)
     if not active:
         return "unheated"
-    restless = max(float(np.mean(np.abs(np.diff(watts[n])) > STEP * np.abs(watts[n]).max())) for n in active)
-    shape = "steady" if restless == 0.0 else "switched" if restless < RESTLESS else "varied continuously"
+    scenario = wiring.scenario
+    commanded = max((_changes(scenario.commands[n], 0.0) for n in active if n in scenario.commands), default=0.0)
+    powered = max((_changes(scenario.loads[n], STEP) for n in active if n in scenario.loads), default=0.0)
+    steady = all(np.ptp(watts[n]) <= STEP * np.abs(watts[n]).max() for n in active)
+    shape = "steady" if steady else "switched"
+    if max(commanded, powered) > RESTLESS:
+        shape = "in closed loop" if commanded > RESTLESS else "varied continuously"
     return f"{' and '.join(active)} {shape} about {2.0 ** round(float(np.log2(whole))):g} W"
+
+
+def _changes(given: Signal, least: float) -> float:
+    """Return the share of the samples of a signal at which it changes by more than a part of its largest value. [-]
+
+    A command that is set anew at most samples is a controller's: one that a person or a plan gives is held.
+    """
+    if not isinstance(given, TableSignal) or given.instants.size < 2:
+        return 0.0
+    taken = given.at(given.instants)
+    return float(np.mean(np.abs(np.diff(taken)) > least * np.abs(taken).max()))
 
 
 def _powers(wiring: Wiring, times: Array) -> dict[str, Array]:
@@ -137,6 +154,12 @@ def directions(flat: Flat, fitted: Sequence[str], loads: Sequence[str]) -> dict[
         elif literal := _number(flat, element):
             other.setdefault(literal, group)
     return found | other if len(found) + len(other) <= MANY else found
+
+
+def driven(flat: Flat, scenario: Scenario) -> set[str]:
+    """Return the parameters that a scenario gives a course of its own, and the numbers behind them: nothing else may move these."""
+    given = {flat.names.model.canonical(p) for p in (*scenario.schedule, *scenario.gains.values())}
+    return {p for n in given if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
 
 
 def _emissivity(element: FlatConductor | FlatLoad | FlatNode) -> list[str]:
@@ -339,7 +362,9 @@ def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     flat = problem.experiments[0].network.flat
     fitted = [*(u.name for u in problem.unknowns if u.kind == "parameter"), *(p for p in below if p in flat.parameters.table)]
     acting = {n for e in problem.experiments for n in _acting(e)}
-    names = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
+    fixed = {p for e in problem.experiments for p in driven(e.network.flat, e.scenario)}
+    every = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
+    names = {n: group for n, group in every.items() if n not in fixed}
     if not names:
         return None
     runs = _runs(fit, problem, names, misfit)

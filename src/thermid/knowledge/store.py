@@ -214,6 +214,32 @@ class Shifted:
         return self.law.at(share) + self.by
 
 
+MIDPOINTS = (np.arange(2000) + 0.5) / 2000
+"""Shares over which moments of a logarithm are taken."""
+
+
+@dataclass(frozen=True)
+class Logarithm:
+    """The logarithm of a positive law over a number."""
+
+    law: Distribution
+    over: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return float(self.at(MIDPOINTS).mean())
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return float(self.at(MIDPOINTS).var())
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        return np.asarray(np.log(self.law.at(share) / self.over))
+
+
 def _density(z: float) -> float:
     return float(np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi))
 
@@ -222,7 +248,7 @@ def _times_density(z: float) -> float:
     return z * _density(z) if np.isfinite(z) else 0.0
 
 
-DISTRIBUTIONS = {kind.__name__: kind for kind in (Normal, LogNormal, Uniform, Choice, Cut, Shifted)}
+DISTRIBUTIONS = {kind.__name__: kind for kind in (Normal, LogNormal, Uniform, Choice, Cut, Shifted, Logarithm)}
 """Name of a distribution in a values file -> its class."""
 
 
@@ -658,4 +684,6 @@ def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
     placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
     modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
     names = [n if " " in n else ahead + n for n in kept["names"]]
-    return {**kept, **placed, "modes": modes, "names": names, "separated": [ahead + p for p in kept["separated"]]}
+    assumed = {ahead + p: moved for p, moved in kept.get("assumed", {}).items()}
+    separated = [ahead + p for p in kept["separated"]]
+    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed}

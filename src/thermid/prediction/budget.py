@@ -24,14 +24,14 @@ from thermid.fit.discrepancy import (
     losing_gas,
     misfit_kept,
 )
-from thermid.fit.regime_runs import kind_of_run
+from thermid.fit.regime_runs import driven, kind_of_run
 from thermid.fit.regimes import FEW, LEFT, KindsSeen
-from thermid.knowledge.store import Distribution, LeftOut, Normal, Shifted, Source, Uniform, uniforms
+from thermid.knowledge.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, square_root, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
-from thermid.model.tree.tree import ParameterSet, parameter_table
+from thermid.model.tree.tree import parameter_table
 from thermid.network.network import Network, compile_network
 from thermid.prediction.known import Known, Rows, known_of, normal_sources, rows_of
 from thermid.prediction.split import split_values
@@ -41,6 +41,8 @@ from thermid.simulation.simulator import Simulator, prepare
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
 Form = Literal["add", "log", "factor", "mode", "node"]
+FURTHEST = 1e-7
+"""Share of a law below which no member lies. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error: nothing was fitted, so no log says it"
@@ -154,6 +156,18 @@ def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) ->
                 out[place[name]] = 0.0  # what an earlier fit found of it was replaced
                 for j, key in enumerate(k.sizes):
                     out[place[name], column[key]] = k.response[i, j]
+    return out
+
+
+def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
+    """Return assumed value -> fitted value -> what it moves by for one more of the assumed one's SI unit; of two fits the later's."""
+    out: dict[str, dict[str, float]] = {}
+    for k in kept:
+        for moved in out.values():
+            for name in k.names:
+                moved.pop(name, None)  # what an earlier fit found of it was replaced
+        for path, own in k.assumed.items():
+            out.setdefault(path, {}).update(zip(k.names, own.tolist(), strict=True))
     return out
 
 
@@ -345,6 +359,7 @@ class Budget:
     omitted : tuple of LeftOut      What is known to be left out before anything is run.
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
+    followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
     """
 
     model: Model
@@ -359,6 +374,7 @@ class Budget:
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
+    followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @classmethod
     def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
@@ -458,21 +474,24 @@ class Budget:
         kind : str          That of the scenario; of one that was fitted, the fit has followed a part.
         tied : dict         Fitted value -> others that share it.
         """
+        fixed = driven(compile_network(self.model).flat, self.scenario)
         names = list(seen.directions)
-        sizes = np.array([seen.size(group) for group in seen.directions.values()])
+        sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
         free, moved = seen.response()
-        targets = [_deviation(n, tied.get(n, ())) for n in names]
         gain = np.diag(sizes)
         if kind in moved:
             rows = [names.index(n) for n in free if n in names]
             gain[rows] -= moved[kind][[free.index(names[r]) for r in rows]] * sizes
         others = sum((m * sizes) @ (m * sizes).T for k, m in moved.items() if k != kind) + np.zeros((len(free), len(free)))
         root = square_root(others, drop=True) if len(free) else np.zeros((0, 0))
-        held = [k for k, n in enumerate(free) if " " not in n]
+        held = [k for k, n in enumerate(free) if " " not in n and n not in fixed]
         known = {t.name: t for t in self.targets}
         own = [Target(free[k], known[free[k]].form if free[k] in known else "log", tied.get(free[k], ())) for k in held]
         words = seen.words
-        sources = [Source(f"kind of run: {n}", "structural", Normal(), words) for n in names]
+        acting = [k for k, n in enumerate(names) if n not in fixed]
+        targets = [_deviation(names[k], tied.get(names[k], ())) for k in acting]
+        sources = [Source(f"kind of run: {names[k]}", "structural", Normal(), words) for k in acting]
+        gain = gain[np.ix_(acting, acting)]
         fitted = [Source(f"kinds that were fitted: {k + 1}", "structural", Normal(), words) for k in range(root.shape[1])]
         return self.beside(sources, KINDS, targets, gain).beside(fitted, KINDS, own, root[held])
 
@@ -503,8 +522,17 @@ class Budget:
         out = self
         for names, how in groups:
             first, *also = map(ready.canonical, names)
-            law = Shifted(ready.law(first, how), -ready.nominal[first])
-            out = out.with_one(Source(first, "stated", law, f"the stated spread of {first}"), "stated", Target(first, "add", tuple(also)))
+            law, nominal = ready.law(first, how), ready.nominal[first]
+            again = [self.followed[n] for n in (first, *also) if n in self.followed]
+            # by its logarithm, so that what the fit would have found with another value makes up for all of it and not to first order
+            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
+            own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
+            target = Target(first, "log" if positive else "add", tuple(also))
+            out = out.with_one(Source(first, "stated", own, f"the stated spread of {first}"), "stated", target)
+            for fitted, moved in ((f, m) for known in again for f, m in known.items()):
+                row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
+                if row is not None:
+                    out.gain[row, -1] += moved * (nominal if positive else 1.0)
         return out
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
@@ -592,7 +620,7 @@ def budget_of(
     if misfit:
         words = "what the model could not follow in the records that it was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
-    make = make.with_stated(plain)
+    make = replace(make, followed=followed_by(source.kept)).with_stated(plain)
     if seen:
         make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
@@ -685,10 +713,10 @@ class Assumed:
 def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> list[Assumed]:
     """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
     table = parameter_table(model)
-    driven = {model.canonical(p) for p in (*scenario.schedule, *scenario.gains.values())}
-    moved = {p for n in driven if n in table for p in (n, ParameterSet(model).literal_behind(n))}
+    network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    moved = driven(network.flat, scenario)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
-    numbers = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed)).numbers().values
+    numbers = network.numbers().values
     out = []
     for p in (p for p in loose if p not in taken and value_of(numbers[p])):
         low, high = table[p].parameter.minimum, table[p].parameter.maximum
@@ -707,15 +735,53 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     if not loose:
         return ()
     words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({_listed([a.path for a in loose])})"
-    ready = prepare(budget.model, lasting(budget.scenario), [a.path for a in loose])
+    through = _solved_again(budget, [a.path for a in loose])
+    ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
         _, slopes = ready.settled()
     except SolverError:
         return ((LeftOut(words), {}),)
-    sizes = np.array([a.size for a in loose])
+    place = {name: k for k, name in enumerate(ready.free)}
+    moved = np.zeros((len(place), len(loose)))
+    for k, a in enumerate(loose):
+        moved[place[a.path], k] += a.size
+        for name, by in through.items():
+            moved[place[name], k] += by.get(a.path, 0.0) * a.size
     kept = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
-    effect = {n: float(np.linalg.norm(slopes[n] * sizes)) for n in kept if n in slopes}
+    each = {n: slopes[n] @ moved for n in kept if n in slopes}
+    effect = {n: float(np.linalg.norm(x)) for n, x in each.items()}
+    worst = max(effect, key=effect.__getitem__, default="")
+    if worst and effect[worst] > 0.0 and len(loose) > 1:
+        words += f"; {_costliest([a.path for a in loose], each[worst])}"
     return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
+
+
+def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return fitted value -> assumed value -> what a fit would have found more for one more of its SI unit. [SI]"""
+    network = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed))
+    fixed = driven(network.flat, budget.scenario)
+    forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log") and t.name not in fixed}
+    numbers = network.numbers().values
+    out: dict[str, dict[str, float]] = {}
+    for path in paths:
+        for name, moved in budget.followed.get(path, {}).items():
+            if name in forms and name in numbers:
+                out.setdefault(name, {})[path] = moved * (float(value_of(numbers[name])) if forms[name] == "log" else 1.0)
+    return out
+
+
+def _costliest(paths: Sequence[str], effects: Array) -> str:
+    """Return which assumption costs most, and which are to be measured so that half of the effect is left."""
+    order = np.argsort(-np.abs(effects))
+    left, named = float(effects @ effects), []
+    for k in order:
+        named.append(f"'{paths[k]}'")
+        left -= float(effects[k] ** 2)
+        if left <= 0.25 * float(effects @ effects):
+            break
+    first = f"{named[0]} costs most ({abs(float(effects[order[0]])):.2g} K)"
+    several = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+    return f"{first}, and measuring {'it' if len(named) == 1 else several} leaves less than half"
 
 
 def first_line(left_out: Sequence[LeftOut], error: float) -> str:

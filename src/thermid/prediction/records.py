@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import NormalDist
 from typing import Any
 
@@ -22,6 +23,7 @@ from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.regime_runs import wandering
 from thermid.fit.regimes import KindsSeen, OwnValue
+from thermid.fit.uncertainty.stretches import stretch_means
 from thermid.knowledge.store import LeftOut, Normal, Source
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure import Record
@@ -37,6 +39,10 @@ POINTS = 300
 """Times of a record at which its band is computed; straight lines between."""
 COARSE = 60
 """Times at which it is computed how much of what wanders the run's own values follow."""
+SLICES = 120
+"""Stretches of time between which residuals are looked at for what grows with a command."""
+SURE, STRONG = 3.0, 0.3
+"""Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
 WORST = 0.1
 """Length of the stretch that is named as the worst, in lengths of the record. [-]"""
 SAME = 1e-6
@@ -304,7 +310,38 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     listed = LeftOut(f"the temperature of {', '.join(open_)}, as it is assumed: no fit says how runs differ in it") if open_ else None
     left = in_order((*(x for x in budget.omitted if not x.listed), *([listed] if listed else [])))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, budget.remarks, left, calibration.standing)
+    told = (*budget.remarks, *_follow_commands(bands, scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
+
+
+def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> list[str]:
+    """Return where what a prediction misses grows with a command more than chance would let it.
+
+    A command sets a power, and a power a slope, so changes of the residuals are compared with the command between. In closed loop the
+    controller answers to what the model misses, so that such a residual is no noise. The variance of a correlation of two series that
+    remember is the mean of the products of their autocorrelations (Bartlett, J. R. Stat. Soc. 98 (1935) 536).
+    """
+    out = []
+    for name, b in bands.items():
+        edges = np.linspace(b.times[0], b.times[-1], min(max(b.times.size // 2, 3), SLICES) + 1)
+        place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, edges.size - 2)
+        slope = np.diff(stretch_means(b.measured - b.predicted, place, edges.size - 1))
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        for load, given in scenario.commands.items():
+            between = np.array([given.mean_over(x, y) for x, y in pairwise(middle)])
+            if np.ptp(between) <= 0.0 or np.ptp(slope) <= 0.0:
+                continue
+            first, second = slope - slope.mean(), between - between.mean()
+            found = float(first @ second / np.sqrt((first @ first) * (second @ second)))
+            memory = [np.correlate(x, x, "full")[x.size :] / (x @ x) for x in (first, second)]
+            spread = float(np.sqrt(max(1.0 + 2.0 * float(memory[0] @ memory[1]), 1.0) / slope.size))
+            if abs(found) > SURE * spread and abs(found) > STRONG:
+                chance = f"correlation {found:+.2f}, by chance +- {spread:.2f}"
+                out.append(
+                    f"what {name} misses grows with the command of '{load}' ({chance}): its power or its delay may be wrong, and in closed "
+                    "loop the controller answers to what the model misses"
+                )
+    return out
 
 
 def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:

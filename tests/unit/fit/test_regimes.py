@@ -235,3 +235,13 @@ def test_rooms_differ_from_run_to_run_by_what_was_planted() -> None:
     assert other is not None
     assert other.mean == 0.0
     assert other.sd >= own.sd
+
+
+@pytest.mark.parametrize(("levels", "words"), [("held", "switched"), ("anew", "in closed loop"), ("one", "steady")])
+def test_a_command_that_is_set_anew_at_every_sample_is_a_controllers(levels: str, words: str) -> None:
+    times = np.linspace(0.0, 3600.0, 361)
+    rng = np.random.default_rng(2)
+    given = {"held": np.repeat(rng.uniform(0.2, 1.0, 20), 19)[:361], "anew": 0.5 + 0.1 * rng.standard_normal(361), "one": np.full(361, 0.5)}
+    run = td.Scenario("c", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [h]", commands={"heat": (times, given[levels])})
+    ready = prepare(plate(), run.with_(loads={"other": "0 [W]"}), ())
+    assert f"heat {words} about" in kind_of_run(ready.wiring, ready.engine, None)

@@ -1,0 +1,109 @@
+"""Assumed values through a fit: a spread of one cancels where the fit pins the answer, and opens where it does not. Synthetic records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.fit.calibration import Calibration
+from thermid.knowledge.values import load_values
+from thermid.measure import Channel, Record
+from thermid.prediction.budget import followed_by
+from thermid.prediction.known import Known, known_of
+
+AREA = {"value": "0.05 [m^2]", "min": 0.03, "max": 0.07, "source": "assumed"}
+SKIN = {"of": "case", "to": "air", "area": AREA, "effective_htc": {"value": "6 [W/(m^2 K)]", "min": 0.5, "max": 40}}
+
+
+def box(watts: str = "4 [W]", lid: str = "0.05 [W/K]") -> td.Model:
+    return td.model_from_dict(
+        {
+            "title": "Box",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": "600 [J/K]"}, "lid": {"capacitance": {"value": "200 [J/K]", "source": "assumed"}}},
+            "surfaces": {"skin": SKIN},
+            "conductors": {
+                "seal": {
+                    "kind": "conduction",
+                    "between": ["case", "lid"],
+                    "conductance": {"value": lid, "min": 0.01, "max": 1, "source": "assumed"},
+                }
+            },
+            "loads": {"heat": {"into": "case", "power": watts}},
+        }
+    )
+
+
+def log(model: td.Model, synthetic: bool = True) -> Record:
+    rng, times = np.random.default_rng(3), np.linspace(0.0, 7200.0, 241)
+    given = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="2 [h]")
+    run = td.simulate(model, given, times=times)
+    reading = Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target="case", noise=0.05)
+    return Record.from_arrays("bench", times, {"T": reading}, synthetic=synthetic)
+
+
+@pytest.fixture(scope="module")
+def found() -> Calibration:
+    hidden = box().with_values({"skin.effective_htc": "7.5 [W/(m^2 K)]"})
+    scenario = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]")
+    return td.calibrate(box(), log(hidden), ["skin.effective_htc"], scenario=scenario)
+
+
+OWN = td.Scenario("own", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="2 [h]")
+
+
+def test_in_the_conditions_of_the_fit_a_spread_of_an_assumed_area_widens_a_band_by_at_most_a_tenth(found: Calibration) -> None:
+    bare, spread = (td.predict(found, OWN, spread=s)["case"].half_width.max() for s in ({}, {"skin.area": "0.006 [m^2]"}))
+    assert spread <= 1.1 * bare
+    unsolved = td.predict(Known(found.fitted_model), OWN, spread={"skin.area": "0.006 [m^2]"})["case"].half_width.max()
+    assert unsolved > 5.0 * bare  # without the fit it would be this
+
+
+def test_where_the_fit_does_not_pin_the_answer_it_opens(found: Calibration) -> None:
+    """The lid's capacitance was hardly seen; with a heated lid its temperature depends on the seal."""
+    bare, spread = (td.predict(found, OWN, spread=s)["lid"].half_width.max() for s in ({}, {"seal.conductance": "0.02 [W/K]"}))
+    assert spread > 3.0 * bare
+
+
+def test_the_linear_answer_is_that_of_a_second_fit(found: Calibration) -> None:
+    moved = followed_by(Known.of(found).kept)["skin.area"]["skin.effective_htc"]
+    other = box().with_values({"skin.area": "0.0505 [m^2]"})
+    scenario = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]")
+    hidden = box().with_values({"skin.effective_htc": "7.5 [W/(m^2 K)]"})
+    again = td.calibrate(other, log(hidden), ["skin.effective_htc"], scenario=scenario)
+    found_by = np.log(again["skin.effective_htc"].value / found["skin.effective_htc"].value) / 0.0005
+    assert moved == pytest.approx(found_by, rel=0.05)
+
+
+def test_the_first_line_counts_what_is_left_and_names_the_costliest(found: Calibration) -> None:
+    told = td.predict(found, OWN)
+    (words,) = [x for x in told.left_out if "assumed value" in x.what]
+    assert "'seal.conductance' costs most" in words.what
+    assert "leaves less than half" in words.what
+    (alone,) = [x for x in td.predict(Known(found.fitted_model), OWN).left_out if "assumed value" in x.what]
+    assert words.kelvin < alone.kelvin
+
+
+def test_a_file_says_the_same(found: Calibration, tmp_path: Path) -> None:
+    found.save(tmp_path / "box.toml")
+    filed = known_of(load_values(tmp_path / "box.toml"), box())
+    live, kept = (td.predict(k, OWN, spread={"skin.area": "0.006 [m^2]"})["case"].half_width.max() for k in (found, filed))
+    assert kept == pytest.approx(live, rel=1e-6)
+
+
+def test_below_another_deck_the_names_move_along(found: Calibration, tmp_path: Path) -> None:
+    found.save(tmp_path / "box.toml")
+    unit = td.model_from_dict({"title": "Unit", "needs": ["air"], "submodels": {"b": {"use": box(), "bind": {"air": "air"}}}})
+    known = known_of(load_values(tmp_path / "box.toml"), unit, at="b")
+    bare, spread = (td.predict(known, OWN, spread=s)["b.case"].half_width.max() for s in ({}, {"b.skin.area": "0.006 [m^2]"}))
+    assert spread <= 1.1 * bare
+
+
+def test_what_a_scenario_drives_is_left_alone(found: Calibration) -> None:
+    course = ([0.0, 7200.0], [0.05, 0.06])
+    told = td.predict(found, OWN.with_(schedule={"seal.conductance": course}))
+    assert told["case"].final.error > 0.0
+    assert not any("seal.conductance" in x.what for x in told.left_out)
