@@ -9,6 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "coverage.md"
 SEED = 20261121
+NOISE = "<!-- noise: begin -->"
+"""From here on the page is made by scripts/noise_table.py."""
 REFUSALS = (
     "There the joint ends at its bound, and its error spans all bounds: it drops a third of a kelvin while each sensor may be 0.25 K off\n"
     "and the meters 1 %, and the constant law pulls it further. A refusal that names these instruments is the right answer to such a log."
@@ -88,7 +90,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=1000)
     sys.path.insert(0, str(ROOT / "tests"))
-    PAGE.write_text(page(parser.parse_args().draws), encoding="utf-8")
+    before = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    kept = before[before.index(NOISE) :] if NOISE in before else ""
+    PAGE.write_text(page(parser.parse_args().draws) + ("\n" + kept if kept else ""), encoding="utf-8")
 
 
 if __name__ == "__main__":
