@@ -1,4 +1,4 @@
-"""Write the section on noise of docs/coverage.md: consumers of a likelihood x kinds of noise. ``python scripts/noise_table.py --logs 40``."""
+"""Write the section of docs/coverage.md on consumers of a likelihood and kinds of noise: ``python scripts/noise_table.py --logs 40``."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def shown(cell: Cell, promises: bool) -> str:
     refused = sum(cell.declined.values())
     text += f", {refused} declined" if refused else ""
     sizes = [v**0.5 for v in cell.squares.values() if v == v]
-    return text + (f"; {min(sizes):.2f} to {max(sizes):.2f}" if promises else "")
+    return text + (f"; {min(sizes):.2f} to {max(sizes):.2f}" if promises and sizes else "")
 
 
 def section(logs: int) -> str:
@@ -73,12 +73,13 @@ def section(logs: int) -> str:
     return f"""{BEGIN}
 ## Noise: what each consumer of a likelihood makes of it
 
-Synthetic logs of a heated plate under a cover ({logs} a cell, fewer where a consumer is slow; truth, phases of the sensors' steps and noise
-are drawn anew): the lowest and the highest share of 95 % intervals that hold the truth among the values that a consumer states. White noise
-is 0.05 K; autocorrelated noise adds 0.1 K over 300 s; sensors in steps read with 0.02 K of noise before rounding, and "found" says nothing of
-noise and step; the noise of the ambient (0.5 K) and of the power (0.6 of 6 W) is never stated. Of {logs} intervals that hold with 95 %,
-{100 * low:.0f} to {100 * high:.0f} % do with a probability of 99 %; shares below the range of their count are bold. `next_test` promises the
-error of a refit with the same test made again; behind its shares stands the root mean square of the errors of refits, over the promise.
+Synthetic logs of a heated plate under a cover ({logs} a cell, fewer where a consumer is slow; truth, phases of the sensors' steps and
+noise are drawn anew): the lowest and the highest share of 95 % intervals that hold the truth among the values that a consumer states.
+White noise is 0.05 K; autocorrelated noise adds 0.1 K over 300 s; sensors in steps read with 0.02 K of noise before rounding, and "found"
+says nothing of noise and step; the noise of the ambient (0.5 K) and of the power (0.6 of 6 W) is never stated. Of {logs} intervals that
+hold with 95 %, {100 * low:.0f} to {100 * high:.0f} % do with a probability of 99 %; shares below the range of their count are bold.
+`next_test` promises the error of a refit with the same test made again; behind its shares stands the root mean square of the errors of
+refits, over the promise.
 `energy_balance` states whether a fitted model of the right structure closes. Made by
 `python scripts/noise_table.py --logs {logs}`.
 

@@ -458,7 +458,15 @@ def power_history(
         problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
         return asked, problem, solved(problem, knots, pins, base, kinds)
 
-    asked, problem, found = on(knots, pins)
+    try:
+        asked, problem, found = on(knots, pins)
+    except np.linalg.LinAlgError:
+        what = ", ".join(f"'{p}'" for p in free) or "the power"
+        raise IdentificationError(
+            f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer stretch of known "
+            "power, or free less.",
+            where,
+        ) from None
     if found.remarks and step > WIDER * usual:
         knots, pins = _knots(record, usual, known, accuracy, where)
         asked, problem, found = on(knots, pins)
@@ -567,12 +575,24 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
     run = simulate(bare, scenario, times=knots)
     known = np.zeros(count, dtype=bool)
     known[pins.at] = True
-    notes = (
-        found.remarks if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.", *found.remarks)
-    )
+    unsettled = () if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
+    notes = (*unsettled, *_at_bounds(problem, found.x), *found.remarks)
     return PowerHistory(
         path, node, knots, power, covariance, run[node].kelvin, known, width, found.prior, values, blocks, bare, scenario, notes
     )
+
+
+def _at_bounds(problem: Problem, x: Array) -> tuple[str, ...]:
+    """Return remarks on parameters that ended at a bound."""
+    out = []
+    for u, fitted in zip(problem.unknowns, x.tolist(), strict=True):
+        ends = [b for b in u.fitted_bounds() if np.isfinite(b)]
+        if u.kind == "parameter" and any(abs(fitted - b) <= 1e-6 * max(abs(b), u.scale) for b in ends):
+            out.append(
+                f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}; its error and the band are not meaningful. Fix it or "
+                "give it a prior."
+            )
+    return tuple(out)
 
 
 def _shown(unknown: Unknown, fitted: float) -> float:
@@ -624,6 +644,8 @@ FINE = 200
 """Stretches of time at most in which readings with noise that is not white are weighed."""
 COLOURS, SIZES = 4, (0.1, 0.5, 2.0, 10.0, 50.0, 300.0, 2000.0)
 """Correlation times, and variances of autocorrelated noise in squares of the white noise, that are tried."""
+FELT = 0.05
+"""Part of the variance of a mean of readings from which noise of logged inputs counts."""
 SURE = 5.0
 """Twice the logarithm of the likelihood ratio from which residuals are held to wander."""
 
@@ -716,7 +738,9 @@ def _colour(
         for size in SIZES:
             tried[time, size] = likely(made(time, size))
     (time, size), value = max(tried.items(), key=lambda item: item[1])
-    known = any(b.shares_rounding for b in pieces.values()) or bool(inputs)
+    # of the sum over a trace, how much more noise of inputs adds than the readings have by themselves
+    shares = [float(np.sum((pieces[key].count @ h) ** 2) / pieces[key].count.sum()) for key, h in inputs.items()]
+    known = any(b.shares_rounding for b in pieces.values()) or max(shares, default=0.0) > FELT
     if 2.0 * (value - tried[0.0, 0.0]) <= SURE:
         return (plain if known else None), ()
     finer = {(time, size * f): likely(made(time, size * f)) for f in (0.4, 0.63, 1.0, 1.6, 2.5)}

@@ -667,7 +667,10 @@ def bind(
     observations = tuple(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
-    first = {o.seat: first_reading(record, o.sensor, window) for o in observations}
+    several: dict[str, list[float]] = {}
+    for o in observations:
+        several.setdefault(o.seat, []).append(first_reading(record, o.sensor, window))
+    first = {seat: float(np.mean(readings)) for seat, readings in several.items()}
     start, initial, readings, loose = starts_of(record, base, network, first, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
