@@ -41,6 +41,7 @@ ROOMS = {
     "knowledge": "What is known of values: how far they may be trusted, their uncertainty by source.",
     "fit": "Fits, and the alignment of clocks.",
     "inference": "What logs can tell beyond a fit: identifiability, profiles, valleys, posterior samples.",
+    "estimation": "Fits and states where the model itself is driven by noise.",
     "power": "Powers that nobody measured.",
     "explain": "Why a model misses, which parameters would explain it, and whether values are physical.",
     "judge": "Verdicts on records that no fit has seen; correlation, limits, margins, comparisons.",

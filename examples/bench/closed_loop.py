@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm
+from simulated import Simulated
 
 import thermid as td
 from thermid.acquire.bench_files import MappedSensor, load_programme
 from thermid.acquire.board import World, made_up_rom
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.simulated import Simulated
 
 HERE = Path(__file__).resolve().parent
 TOOLS = HERE.parents[1] / "build" / "bench"

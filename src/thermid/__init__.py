@@ -66,6 +66,8 @@ _PUBLIC = {
     "Alignment": "fit.second_clocks",
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
+    "estimate": "estimation.estimate",
+    "Estimation": "estimation.estimation",
     "split": "prediction.split",
     "Split": "prediction.split",
     "energy_balance": "explain.balance",

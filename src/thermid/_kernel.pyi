@@ -1,5 +1,5 @@
-from collections.abc import Sequence
-from typing import Final, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +109,8 @@ class Result:
     @property
     def event_states(self) -> _Ints: ...
     @property
+    def event_before(self) -> _Ints: ...
+    @property
     def load_energy(self) -> _Reals: ...
     @property
     def boundary_energy(self) -> _Reals: ...
@@ -140,6 +142,7 @@ class Problem:
         control_coef: _Ints,
         tables: Sequence[tuple[_Reals, _Reals, _Reals]],
         inputs: Sequence[tuple[int, _Reals, _Reals]],
+        follow: Mapping[str, Any] | None = None,
     ) -> None: ...
     @property
     def nodes(self) -> int: ...

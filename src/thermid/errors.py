@@ -6,8 +6,15 @@ command line returns for it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
+from typing import Any, TypeVar
+
+K = TypeVar("K")
+V = TypeVar("V")
+_PLACES = re.compile(r"(\{(?:known|near)?\})")
 
 
 class ThermidError(Exception):
@@ -34,11 +41,12 @@ class ThermidError(Exception):
         """Return the same error with a place, unless it already has one."""
         return self if self.where else type(self)(self.message, where)
 
-    def within(self, place: str) -> ThermidError:
-        """Return the same error with a place around the one that it names."""
-        if self.where.startswith(place.partition(",")[0]):
+    def within(self, place: str, joint: str = ", ") -> ThermidError:
+        """Return the same error with a place before the one that it names, unless both are in one file."""
+        file = place.partition(":")[0].partition(",")[0]
+        if self.where == file or self.where.startswith((f"{file}:", f"{file},")):
             return self
-        return type(self)(self.message, f"{place}, {self.where}" if self.where else place)
+        return type(self)(self.message, f"{place}{joint}{self.where}" if self.where else place)
 
 
 class UnitError(ThermidError):
@@ -100,16 +108,53 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f" Did you mean '{hits[0]}'?" if hits else ""
 
 
-def refuse_unknown(keys: Iterable[object], known: Collection[str], where: str, noun: str = "key") -> None:
-    """Refuse the first key of a table of measurements that is not known.
+@contextmanager
+def errors_at(where: str, joint: str = "") -> Iterator[None]:
+    """Give errors that are raised inside a place where they have none; with `joint`, put it around the one that they have, see `within`."""
+    try:
+        yield
+    except ThermidError as error:
+        raise (error.within(where, joint) if joint else error.located(where)) from None
+
+
+def refuse_unknown(
+    names: Iterable[object],
+    known: Collection[Any],
+    where: str = "",
+    refusal: str = "no key '{}'; there are {known}.",
+    error: type[ThermidError] = RecordError,
+) -> None:
+    """Refuse the first of some names that is not known, with the nearest one that is.
+
+    Parameters
+    ----------
+    names : iterable        What is asked for.
+    known : collection      What there is.
+    where : str             Place of the names, for the message.
+    refusal : str           The message: `{}` stands for the name, `{known}` for all that are known, `{near}` for the nearest of these; the
+                            nearest follows at the end where the message has no place for it.
+    error : type            Kind of error.
 
     Raises
     ------
-    RecordError   With those that are.
+    ThermidError   Of that kind.
     """
-    for key in keys:
-        if key not in known:
-            raise RecordError(f"no {noun} '{key}'; there are {', '.join(known) or 'none'}.{nearest(str(key), known)}", where)
+    for name in names:
+        if name not in known:
+            text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
+            words = {"{}": str(name), "{known}": ", ".join(known) or "none", "{near}": nearest(str(name), known)}
+            raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where)
+
+
+def look_up(name: K, table: Mapping[K, V], refusal: str, where: str = "", error: type[ThermidError] = NameNotFoundError) -> V:
+    """What a table holds under a name; a name that it does not have is refused as by `refuse_unknown`.
+
+    Raises
+    ------
+    ThermidError   Of the kind that is given.
+    """
+    refuse_unknown([name], table, where, refusal, error)
+    return table[name]
 
 
 def quoted(names: Sequence[str], longest: int = 8) -> str:

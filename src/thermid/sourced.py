@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, refuse_unknown
 
 MARKS = {
     "read": "read in the text of its source",
@@ -54,8 +54,7 @@ def check_mark(mark: str, where: str) -> str:
     ------
     ScenarioError   With the nearest mark.
     """
-    if mark not in MARKS:
-        raise ScenarioError(f"'{mark}' is no mark; there are {', '.join(MARKS)}.{nearest(str(mark), MARKS)}", where)
+    refuse_unknown([mark], MARKS, where, "'{}' is no mark; there are {known}.", ScenarioError)
     return mark
 
 

@@ -11,7 +11,10 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from typing import Final
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from thermid._units_table import TABLE
 from thermid.errors import UnitError, nearest
@@ -268,10 +271,20 @@ def to_si(value: Fraction, of: Unit) -> float:
     return float(value * of.factor + of.offset)
 
 
-def from_si(value: float, text: str) -> float:
-    """Return an SI number in a unit for people."""
-    of = unit(text)
-    return (value - float(of.offset)) / float(of.factor)
+N = TypeVar("N", float, NDArray[np.float64])
+"""A number or an array of them."""
+
+
+def from_si(values: N, of: str | Unit) -> N:
+    """Return SI numbers in a unit for people; an empty text is the unit 1."""
+    of = unit(of) if isinstance(of, str) else of
+    return (values - float(of.offset)) / float(of.factor)
+
+
+def in_si(values: N, of: str | Unit) -> N:
+    """Return numbers in a unit as SI numbers."""
+    of = unit(of) if isinstance(of, str) else of
+    return values * float(of.factor) + float(of.offset)
 
 
 def counted(number: int, noun: str) -> str:
@@ -289,5 +302,4 @@ def format_value(value: float, text: str, digits: int = 6) -> str:
     >>> format_value(297.15, "degC")
     '24 [degC]'
     """
-    of = unit(text)
-    return f"{(value - float(of.offset)) / float(of.factor):.{digits}g} [{of.text}]"
+    return f"{from_si(value, text):.{digits}g} [{unit(text).text}]"

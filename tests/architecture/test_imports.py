@@ -74,7 +74,7 @@ ARROWS: dict[str, set[str]] = {
 LOW = FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "knowledge"}
 FIT = {"fit", "fit.problem", "fit.minimisation", "fit.uncertainty", "fit.second_clocks"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
-ABOVE_FIT = {"power", "explain", "judge", "prediction", "design", "inference"}
+ABOVE_FIT = {"estimation", "power", "explain", "judge", "prediction", "design", "inference"}
 TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
 ARROWS |= {
     "sourced": LOW,
@@ -88,12 +88,14 @@ ARROWS |= {
     "fit.second_clocks": LOW | {"fit.problem", "fit.minimisation", "fit.uncertainty"},
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
+    "estimation": LOW | FIT,
     "explain": LOW | FIT,
     "judge": LOW | FIT | {"sourced", "prediction"},
     "prediction": LOW | FIT,
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference"},
+    "start": LOW | FIT | {"explain", "campaign"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
     "reporting": set(),

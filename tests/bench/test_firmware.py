@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulated import Simulated
 
 import thermid as td
 from thermid.acquire.bench_files import MappedSensor, Programme
 from thermid.acquire.board import made_up_rom
 from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.simulated import Simulated
 
 NAMES = {made_up_rom(k): MappedSensor(f"T{k}", made_up_rom(k)) for k in range(3)}
 

@@ -26,6 +26,7 @@ from thermid.measure.record.record import STEPS
 from thermid.measure.record.sensor import _NUMBERS as PART_NUMBERS
 from thermid.model.deck import assemblies, fields, schema
 from thermid.model.laws.signal import Sine, TableSignal
+from thermid.model.parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS
 from thermid.profiles.profile import SLOTS, STEP_KEYS, WORDS
@@ -88,6 +89,10 @@ def _group(name: str, slots: Mapping[str, str]) -> dict[str, str]:
     return {inner: slot for path, slot in slots.items() for group, _, inner in [path.partition(".")] if group == name and inner}
 
 
+def _control(kind: str) -> dict[str, str]:
+    return {name: TEMPERATURE if slot == TEMPERATURE_SLOT else slot for name, slot in _group(kind, CONTROL_SLOTS).items()}
+
+
 def _plain(fields: Iterable[dataclasses.Field[object]]) -> list[str]:
     return [f.name for f in fields if not f.name.startswith("_")]
 
@@ -131,6 +136,11 @@ def by_heading() -> dict[str, Names]:
         "Sine of a load": _model(schema.SinePower, _group("sine", LOAD_SLOTS)),
         "Thermostat": _model(schema.Thermostat, _group("thermostat", LOAD_SLOTS)),
         "Proportional heater": _model(schema.Proportional, _group("proportional", LOAD_SLOTS)),
+        "Control": _model(schema.ControlTable, {"sample": "s"}),
+        "Thermostat of a control": _model(schema.ThermostatControl, _control("thermostat")),
+        "Proportional control": _model(schema.ProportionalControl, _control("proportional")),
+        "PID control": _model(schema.PidControl, _control("pid")),
+        "Transition": _model(schema.TransitionTable, {"above": TEMPERATURE, "below": TEMPERATURE, "after": "s"}),
         "Cycle of a load": _model(schema.CycleTable, {"times": "s", "values": "1", "period": "s"}),
         "Submodel": _model(schema.SubmodelTable),
         "Package": _model(assemblies.PackageTable, assemblies.PACKAGE_UNITS | {"power": "W"}),

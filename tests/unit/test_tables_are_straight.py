@@ -395,3 +395,18 @@ def test_decks_with_every_choice_are_written_back(tmp_path: Path) -> None:
     for model in (short("linear"), short("refuse"), lump(melts), lump(wax([*WAX[:2], (27.0, 258e3), WAX[3]]))):
         td.save_model(model, tmp_path / "deck.toml")
         assert td.load_model(tmp_path / "deck.toml").identity() == model.identity()
+
+
+def test_a_steady_state_with_stored_heat_says_where_its_heat_goes() -> None:
+    deck = {
+        "title": "wax",
+        "needs": ["room"],
+        "nodes": {
+            "wax": {"mass": "1 [kg]", "specific_heat": {"points": [["0 [degC]", "900 [J/(kg K)]"], ["80 [degC]", "1200 [J/(kg K)]"]]}}
+        },
+        "conductors": {"wall": {"kind": "conduction", "between": ["wax", "room"], "conductance": "0.5 [W/K]"}},
+        "loads": {"heater": {"into": "wax", "power": "10 [W]"}},
+    }
+    settled = td.steady(td.model_from_dict(deck), td.Scenario("room", boundaries={"room": "20 [degC]"}))
+    assert settled["wax"] == pytest.approx(313.15, abs=1e-9)
+    assert settled.heat is not None

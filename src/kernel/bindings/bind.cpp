@@ -1,5 +1,6 @@
 // Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
 #include "bindings/bind.hpp"
+#include "network/followers.hpp"
 
 using namespace thermid;
 using namespace nb::literals;
@@ -10,14 +11,14 @@ struct PyResult {
     int status, node;
     double time;
     long filled, steps, rejected, newton, factorisations;
-    nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_controls, event_states;
+    nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_controls, event_states, event_before;
     nb::object load_energy, boundary_energy, conductor_energy, turnings;
 };
 
 void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints offset, Ints ckind, Ints ca, Ints cb,
                   In<int32_t, 2> ccoef, Ints ctable, Ints lkind, Ints lnode, In<int32_t, 2> lcoef, Ints lsensor, Ints ltable,
                   Ints lcontrol, Ints kkind, Ints ksensor, In<int32_t, 2> kcoef,
-                  nb::list tables, nb::list inputs) {
+                  nb::list tables, nb::list inputs, std::optional<nb::dict> follow) {
     auto p = std::make_unique<Problem>();
     p->n = static_cast<int>(capacity.size());
     p->nb = static_cast<int>(gain.size());
@@ -57,6 +58,7 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
         for (int k = 0; k < 3; ++k) p->control.c[k].push_back(kcoef(j, k));
     p->tables = read_tables(tables);
     p->inputs = read_inputs(inputs);
+    if (follow) read_controls(*p, *follow);
     p->prepare();
     new (self) Problem(std::move(*p));
 }
@@ -98,22 +100,24 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
         nb::gil_scoped_release others;  // threads of the caller go on; what the run reads is its own, or fixed
         run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
     }
-    PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+    PyResult out{r.status, r.node, r.time, r.filled, r.steps, r.rejected, r.newton, r.factorisations, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
     out.traces = traces;
     out.sensitivities = sens;
     out.final_temperatures = reals(r.final_t);
     out.final_sensitivities = np ? array<double>(r.final_s, {static_cast<size_t>(p.n), np}) : nb::none();
     out.on = ints(r.on);
     std::vector<double> et;
-    std::vector<int> el, es;
+    std::vector<int> el, es, eb;
     for (const Event& e : r.events) {
         et.push_back(e.time);
         el.push_back(e.load);
         es.push_back(e.on);
+        eb.push_back(e.before);
     }
     out.event_times = reals(et);
     out.event_controls = ints(el);
     out.event_states = ints(es);
+    out.event_before = ints(eb);
     out.load_energy = reals(r.load_energy);
     out.boundary_energy = reals(r.boundary_energy);
     out.conductor_energy = reals(r.conductor_energy);
@@ -145,8 +149,8 @@ nb::tuple rhs(const Problem& p, Reals coef, Reals T, double t, std::optional<Csr
     std::copy(T.data(), T.data() + p.n, e.t.begin());
     follow(e, true);
     if (on) {
-        need(on->size() == static_cast<size_t>(p.control.size()), "on: one entry for each control");
-        for (int r : p.thermostats) if ((*on)(r) >= 0) e.on[r] = (*on)(r) != 0;
+        need(on->size() == static_cast<size_t>(p.switches()), "on: one entry for each control");
+        for (int r = 0; r < p.switches(); ++r) if ((*on)(r) >= 0) e.on[r] = static_cast<uint8_t>((*on)(r));
     }
     e.rows();
     const size_t n = p.n;
@@ -160,6 +164,18 @@ nb::tuple rhs(const Problem& p, Reals coef, Reals T, double t, std::optional<Csr
         s.build(p, d);
         e.add_parameters(s, fp.data(), 1.0);
     }
+    for (const Sampler& x : p.samplers) {  // as if it sampled without end
+        const Factor& own = p.factors[x.factor];
+        const double by = e.bend[x.factor];
+        e.f[x.node] = e.factor[x.factor] - e.t[x.node];
+        j[x.node * n + x.node] = -1.0;
+        for (int m = 0; m < 3; ++m)
+            if (own.of.node[m] >= 0 && own.of.node[m] < p.n) j[x.node * n + own.of.node[m]] += by * e.ceff[own.of.c[m]];
+        for (int q = 0; q < d.np; ++q) fp[static_cast<size_t>(x.node) * d.np + q] = 0.0;
+        e.factor_slope(x.factor, [&](int c, double slope) {
+            for (int k = d.np ? d.indptr[c] : 0; d.np && k < d.indptr[c + 1]; ++k) fp[static_cast<size_t>(x.node) * d.np + d.indices[k]] += slope * d.data[k];
+        });
+    }
     return nb::make_tuple(reals(e.f), array<double>(j, {n, n}), d.np ? array<double>(fp, {n, static_cast<size_t>(d.np)}) : nb::none());
 }
 
@@ -168,14 +184,14 @@ nb::object rows_of(const Problem& p, Reals coef, In<double, 2> T, Reals t, bool 
     need(T.shape(1) == static_cast<size_t>(p.nodes()) && T.shape(0) == t.size(), "T: must be (times, nodes and boundaries)");
     Evaluation e(p, coef.data());
     const size_t m = t.size(), k = loads ? p.load.size() : p.con.size();
-    need(!on || (on->shape(0) == m && on->shape(1) == static_cast<size_t>(p.control.size())), "on: must be (times, controls)");
+    need(!on || (on->shape(0) == m && on->shape(1) == static_cast<size_t>(p.switches())), "on: must be (times, controls)");
     std::unique_ptr<double[]> out(new double[m * k + 1]);
     for (size_t i = 0; i < m; ++i) {
         evaluate_at(e, t(i));
         std::copy(T.data() + i * p.nodes(), T.data() + (i + 1) * p.nodes(), e.t.begin());
         follow(e, i == 0);
         if (on)
-            for (int r : p.thermostats) e.on[r] = (*on)(i, r) != 0;
+            for (int r = 0; r < p.switches(); ++r) e.on[r] = static_cast<uint8_t>((*on)(i, r));
         e.rows();
         for (size_t r = 0; r < k; ++r) out[i * k + (loads ? r : p.con.original[r])] = loads ? e.power[r] : e.q[r];
     }
@@ -198,13 +214,13 @@ NB_MODULE(_kernel, m) {
         .def_ro("traces", &PyResult::traces).def_ro("sensitivities", &PyResult::sensitivities)
         .def_ro("final_temperatures", &PyResult::final_temperatures).def_ro("final_sensitivities", &PyResult::final_sensitivities)
         .def_ro("on", &PyResult::on).def_ro("event_times", &PyResult::event_times).def_ro("event_controls", &PyResult::event_controls)
-        .def_ro("event_states", &PyResult::event_states).def_ro("load_energy", &PyResult::load_energy)
+        .def_ro("event_states", &PyResult::event_states).def_ro("event_before", &PyResult::event_before).def_ro("load_energy", &PyResult::load_energy)
         .def_ro("boundary_energy", &PyResult::boundary_energy).def_ro("conductor_energy", &PyResult::conductor_energy)
         .def_ro("turnings", &PyResult::turnings);
     nb::class_<Problem>(m, "Problem")
         .def("__init__", &make_problem, "capacity"_a, "coef_input"_a, "boundary_gain"_a, "boundary_offset"_a, "conductor_kind"_a,
              "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
-             "load_sensor"_a, "load_table"_a, "load_control"_a, "control_kind"_a, "control_sensor"_a, "control_coef"_a, "tables"_a, "inputs"_a)
+             "load_sensor"_a, "load_table"_a, "load_control"_a, "control_kind"_a, "control_sensor"_a, "control_coef"_a, "tables"_a, "inputs"_a, "follow"_a = nb::none())
         .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
              "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "energy"_a = true, "on"_a = nb::none(), "sums"_a = nb::none(), "options"_a)
         .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())
@@ -219,7 +235,7 @@ NB_MODULE(_kernel, m) {
     bind_modal(m);
     bind_large(m);
     bind_leastsquares(m);
-    const char* in[] = {"SAMPLED_LINEAR", "SAMPLED_HOLD", "SINE", "CONSTANT"};
+    const char* in[] = {"SAMPLED_LINEAR", "SAMPLED_HOLD", "SINE", "CONSTANT", "FOLLOWED"};
     for (int k = 0; k < INPUT_KINDS; ++k) m.attr(in[k]) = k;
     const char* st[] = {"OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER"};
     for (int k = 0; k <= CHATTER; ++k) m.attr(st[k]) = k;

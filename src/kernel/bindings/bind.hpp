@@ -5,6 +5,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
@@ -119,10 +120,11 @@ inline nb::tuple turnings_of(const std::vector<Turnings::Point>& found) {
 
 inline std::vector<int> thermostats_of(const Problem& p, const std::optional<Ints>& on) {
     if (!on) return {};
-    need(on->size() == static_cast<size_t>(p.control.size()), "on: one entry for each control");
+    need(on->size() == static_cast<size_t>(p.switches()), "on: one entry for each control");
     return copy<int>(*on);
 }
 
+void read_controls(Problem& p, const nb::dict& given);
 void bind_laws(nb::module_& m);
 void bind_modal(nb::module_& m);
 void bind_leastsquares(nb::module_& m);
@@ -144,7 +146,7 @@ inline std::vector<Input> read_inputs(const nb::list& inputs) {
     std::vector<Input> out;
     for (nb::handle h : inputs) {
         auto [kind, a, b] = nb::cast<std::tuple<int, Reals, Reals>>(h);
-        need(kind >= 0 && kind < INPUT_KINDS, "inputs: no such kind");
+        need(kind >= 0 && kind < FOLLOWED, "inputs: no such kind");
         Input in;
         in.kind = kind;
         if (in.sampled()) {

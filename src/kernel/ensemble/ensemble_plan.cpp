@@ -29,7 +29,7 @@ const LaneCode* lane_code(const std::string& name) {
 
 LaneNetwork::LaneNetwork(const Problem& p) {
     constexpr int MOST = 400;  // nodes: larger ones are no work for a fixed elimination
-    supported = p.massless.empty() && p.thermostats.empty() && p.n <= MOST;
+    supported = p.massless.empty() && p.guards.empty() && p.followers.empty() && p.n <= MOST;
     if (!supported) return;
     for (int r = 0; r < p.con.size(); ++r) {
         const int a = p.con.a[r], b = p.con.b[r], from = a < p.n && !is(p.con.kind[r], ONE_WAY) ? a : -1, to = b < p.n ? b : -1;

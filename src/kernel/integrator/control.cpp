@@ -32,7 +32,7 @@ double Integrator::settling() {
 
 // One trial of a step of length h_ to end_. True if accepted; `next` is the step to try next.
 bool Integrator::attempt(Outputs& out, double& next) {
-    const bool watch = !p_.thermostats.empty();
+    const bool watch = !p_.guards.empty();
     project();
     start(first_);
     if (turnings_.on()) turnings_start();
@@ -83,7 +83,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
         }
         if (pending_ >= 0) {
             if (s == h_) {  // the step ends near the instant: improve it
-                const double g = gap_at(pending_, h_), rate = gap_rate(pending_);
+                const double g = gap_at(pending_, h_), rate = gap_rate(p_.guards[pending_]);
                 if (rate > 0.0) s = h_ - g / rate;
             }
             if (std::fabs(s - h_) > 1e-10 * std::max(1.0, 1e-3 * std::fabs(t_)) && ++refined_ < 12 && s > 0.0 && s < 2.0 * h_) {
@@ -109,6 +109,8 @@ bool Integrator::attempt(Outputs& out, double& next) {
 void Integrator::advance(double t_end, Outputs& out) {
     std::vector<double> stops = o_.breaks;
     for (const Input& in : p_.inputs) in.breaks(t_, t_end, in.kind == SAMPLED_HOLD ? 5000 : 500, stops);
+    for (const Sampler& s : p_.samplers)
+        for (double k = std::floor(t_ / s.period) + 1.0; k * s.period < t_end; ++k) stops.push_back(k * s.period);
     stops.erase(std::remove_if(stops.begin(), stops.end(), [&](double b) { return !(b > t_ && b < t_end); }), stops.end());
     const bool given = !o_.mesh.empty();
     if (given) {
@@ -183,6 +185,7 @@ void Integrator::advance(double t_end, Outputs& out) {
             S_.swap(S1_);
             t_ = end_;
         }
+        if (!p_.samplers.empty()) sample();
         seen();
         r_->mesh.push_back(t_);
         if (given) {  // the next step of the mesh, whatever this one suggests

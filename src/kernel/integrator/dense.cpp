@@ -217,6 +217,7 @@ void Integrator::nodes_at(double s, double time, bool slaved) {
     for (const Noise& z : noise_)
         if (z.active)
             for (int i = 0; i < n_; ++i) eo_.t[i] += (z.b[i] + s * z.db[i]) * z.w + z.c[i] * z.ww + z.aab[i] * z.www;
+    if (!p_.followers.empty()) eo_.follow();
     jumped_ = false;
     if (!slaved || fast_.nodes.empty()) return;
     // A fast node still takes up heat while it follows: C dT/dt with the slope of its own polynomial.

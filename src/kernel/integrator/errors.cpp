@@ -69,6 +69,29 @@ bool Integrator::clear_of_knees(double& next) {
         knee.conductor(c.kind[r], sweep(c.a[r]), sweep(c.b[r]), e_.ceff[c.c0[r]], e_.ceff[c.c1[r]], p_.tables.data() + c.table[r],
                        [&] { return felt(c.a[r], c.b[r]); });
     }
+    for (int k : p_.bent_factors) {
+        const Factor& x = p_.factors[k];
+        Sweep z{0.0, 0.0, 0.0, 0.0};
+        z.t0 = z.t1 = e_.ceff[x.of.c0];
+        for (int m = 0; m < 3; ++m) {
+            if (x.of.node[m] < 0) continue;
+            const Sweep s = sweep(x.of.node[m]);
+            const double w = e_.ceff[x.of.c[m]];
+            z = {z.t0 + w * s.t0, z.t1 + w * s.t1, z.a + w * s.a, z.b + w * s.b};
+        }
+        auto each = [&] {  // by how much the step's end is off for each unit of the factor
+            double sum = 0.0;
+            for (size_t f = 0; f < p_.followers.size(); ++f) {
+                const Drive& own = p_.followers[f];
+                for (size_t i = 0; i < own.factors.size(); ++i)
+                    if (own.factors[i] == k)
+                        for (size_t j = 0; j < own.nodes.size(); ++j) sum += std::fabs(e_.others(own, i) * e_.pull[f][j]) * felt(-1, own.nodes[j]);
+            }
+            return sum;
+        };
+        if (x.kind == LOOKUP) knee.table(z, p_.tables[x.table], each);
+        else knee.limits(z, x.low < 0 ? -std::numeric_limits<double>::infinity() : e_.ceff[x.low], e_.ceff[x.high], each);
+    }
     double allowed = slack_ * tolerance();
     // A knee does not move with the end of a step, so sensitivities err in proportion to its length.
     if (np_ > 0 && knee.steepest > 0.0) {

@@ -1,4 +1,4 @@
-// Thermostats: find the switching instant on the dense output, end the step there, and let the sensitivities jump.
+// Thermostats and machines: find the instant of a switching on the dense output, end the step there, and let the sensitivities jump.
 #include <algorithm>
 #include <cmath>
 
@@ -6,38 +6,48 @@
 
 namespace thermid {
 
-// Positive once the thermostat must switch; temperatures and coefficients of eo_.
-double Integrator::gap(int l) const {
-    const double t = eo_.t[p_.control.sensor[l]];
-    return eo_.on[l] ? t - eo_.ceff[p_.control.c[1][l]] : eo_.ceff[p_.control.c[0][l]] - t;
+// Positive once a guard is passed; temperatures and coefficients of eo_. Below every number while its machine is in another state.
+double Integrator::gap(const Guard& g, double time) const {
+    if (eo_.on[g.machine] != g.from) return -std::numeric_limits<double>::infinity();
+    if (g.delay >= 0) return time - entered_[g.machine] - eo_.ceff[g.delay];
+    return g.sign * (eo_.probe(g.of) - eo_.ceff[g.level]);
 }
 
 double Integrator::gap_at(int l, double s) {
     nodes_at(s, sensor_slaved_);
-    return gap(l);
+    return gap(p_.guards[l], s == h_ ? end_ : t_ + s);
 }
 
 // d gap / dt at the end of the step.
-double Integrator::gap_rate(int l) const {
+double Integrator::gap_rate(const Guard& g) const {
+    if (g.delay >= 0) return 1.0;
     auto follow = [&](int c) { return c < p_.nc && p_.coef_input[c] >= 0 ? coef_[c] * uder1_[p_.coef_input[c]] : 0.0; };
-    const int s = p_.control.sensor[l];
-    const double rate = s < n_ ? d1_[s] : follow(p_.gain[s - n_]) + follow(p_.offset[s - n_]);
-    return eo_.on[l] ? rate - follow(p_.control.c[1][l]) : follow(p_.control.c[0][l]) - rate;
+    double rate = follow(g.of.c0) - follow(g.level);
+    for (int k = 0; k < 3; ++k) {
+        const int i = g.of.node[k];
+        if (i < 0) continue;
+        rate += eo_.ceff[g.of.c[k]] * (i < n_ ? d1_[i] : follow(p_.gain[i - n_]) + follow(p_.offset[i - n_])) + follow(g.of.c[k]) * eo_.t[i];
+    }
+    return g.sign * rate;
 }
 
-// At the start: on if the sensor is at or below the lower threshold, unless given. eo_ holds the initial temperatures. A massless node feels its
-// heater at once, so what its sensor then says may switch off again, before anything is seen of it.
-void Integrator::decide_thermostats() {
+// At the start, unless given: a thermostat is on at or below its lower threshold, a machine in its first state. eo_ holds the initial temperatures.
+// What is due at once happens: a massless node feels its heater at once, so what its sensor then says may switch again, before anything is seen.
+void Integrator::decide() {
     auto given = [&](int l) { return o_.on.empty() ? -1 : o_.on[l]; };
     for (int l : p_.thermostats)
         if (!(eo_.ceff[p_.control.c[0][l]] < eo_.ceff[p_.control.c[1][l]])) throw Failure{BAD_INPUT, p_.control.node[l]};
-    for (int l : p_.thermostats) eo_.on[l] = given(l) >= 0 ? given(l) : eo_.t[p_.control.sensor[l]] <= eo_.ceff[p_.control.c[0][l]];
-    for (size_t k = 0; !massless_.nodes.empty(); ++k) {
-        solve_slaved(massless_, eo_);
-        const auto due = std::find_if(p_.thermostats.begin(), p_.thermostats.end(), [&](int l) { return given(l) < 0 && gap(l) >= 0.0; });
-        if (due == p_.thermostats.end()) break;
-        if (k > 2 * p_.thermostats.size() + 2) throw Failure{CHATTER, p_.control.node[*due]};
-        eo_.on[*due] = !eo_.on[*due];
+    for (int l = 0; l < p_.switches(); ++l)
+        if (given(l) >= 0) eo_.on[l] = static_cast<uint8_t>(given(l));
+    for (int l : p_.thermostats)
+        if (given(l) < 0) eo_.on[l] = eo_.t[p_.control.sensor[l]] <= eo_.ceff[p_.control.c[0][l]];
+    for (size_t k = 0;; ++k) {
+        if (!massless_.nodes.empty()) solve_slaved(massless_, eo_);
+        const auto due = std::find_if(p_.guards.begin(), p_.guards.end(),
+                                      [&](const Guard& g) { return g.delay < 0 && given(g.machine) < 0 && gap(g, t_) >= 0.0; });
+        if (due == p_.guards.end()) break;
+        if (k > p_.guards.size() + 2) throw Failure{CHATTER, p_.switch_node(due->machine)};
+        eo_.on[due->machine] = static_cast<uint8_t>(due->to);
     }
     e_.on = eo_.on;
 }
@@ -58,8 +68,8 @@ bool Integrator::find_event(double& s, int& l) {
     for (double now : at) {
         nodes_at(now, sensor_slaved_);
         found_.clear();
-        for (int k : p_.thermostats)
-            if (gap(k) >= 0.0) found_.push_back(k);
+        for (int k = 0; k < static_cast<int>(p_.guards.size()); ++k)
+            if (gap(p_.guards[k], now == h_ ? end_ : t_ + now) >= 0.0) found_.push_back(k);
         if (found_.empty()) { before = now; continue; }
         double best = std::numeric_limits<double>::infinity();
         for (int k : found_) {
@@ -99,46 +109,74 @@ void Integrator::apply_events() {
     nodes_at(h_, sensor_slaved_);
     found_.clear();
     rates_.clear();
-    for (int l : p_.thermostats) {
-        const double rate = gap_rate(l), g = gap(l);
+    for (int l = 0; l < static_cast<int>(p_.guards.size()); ++l) {
+        if (eo_.on[p_.guards[l].machine] != p_.guards[l].from) continue;
+        const double rate = gap_rate(p_.guards[l]), g = gap(p_.guards[l], end_);
         if (l != pending_ && !(g >= 0.0) && !(rate > 0.0 && -g <= 1e-8 * rate)) continue;
         found_.push_back(l);
-        rates_.push_back(e_.on[l] ? rate : -rate);  // of sensor minus threshold
+        rates_.push_back(rate);
     }
     T_.swap(T1_);
     S_.swap(S1_);
     t_ = end_;
-    for (size_t k = 0; k < found_.size(); ++k) apply_event(found_[k], rates_[k]);
+    for (size_t k = 0; k < found_.size(); ++k)
+        if (e_.on[p_.guards[found_[k]].machine] == p_.guards[found_[k]].from) apply_event(found_[k], rates_[k]);
+    // What the new state finds passed already happens at the same instant, which moves with parameters as the first switching does.
+    for (size_t k = 0;; ++k) {
+        eo_.t = e_.t;
+        const auto due = std::find_if(p_.guards.begin(), p_.guards.end(), [&](const Guard& g) { return g.delay < 0 && gap(g, t_) >= 0.0; });
+        if (due == p_.guards.end()) return;
+        if (k > p_.guards.size() + 2) throw Failure{CHATTER, p_.switch_node(due->machine)};
+        apply_event(static_cast<int>(due - p_.guards.begin()), 0.0);
+    }
 }
 
-// S jumps by (dT/dt before - after) dt*/dp.
-void Integrator::apply_event(int l, double rate) {
+// dt*/dp into when_: by what the gap changes with parameters, over its rate. Inputs of e_ stand at the instant.
+void Integrator::gap_slope(const Guard& g, double rate) {
     const size_t np = np_;
-    const int threshold = p_.control.c[e_.on[l] ? 1 : 0][l], sensor = p_.control.sensor[l];
-    if (same_time_ > 2 * static_cast<int>(p_.thermostats.size()) + 2) throw Failure{CHATTER, p_.control.node[l]};
-    e_.on[l] = eo_.on[l] = !e_.on[l];
-    r_->events.push_back({t_, l, e_.on[l]});
-    std::copy(T_.begin(), T_.end(), e_.t.begin());
-    if (!massless_.nodes.empty()) solve_slaved(massless_, e_);
-    if (np == 0 || rate == 0.0) return;
-    e_.rows();
-    std::vector<double>& when = when_;  // dt*/dp
-    std::fill(when.begin(), when.end(), 0.0);
+    std::fill(when_.begin(), when_.end(), 0.0);
     auto coefficient = [&](int c, double scale) {
         if (c >= p_.nc) return;
         const double u = p_.coef_input[c] < 0 ? 1.0 : e_.u[p_.coef_input[c]];
-        for (int q = d_.indptr[c]; q < d_.indptr[c + 1]; ++q) when[d_.indices[q]] += scale * u * d_.data[q];
+        for (int q = d_.indptr[c]; q < d_.indptr[c + 1]; ++q) when_[d_.indices[q]] -= scale / rate * u * d_.data[q];
     };
-    if (sensor < n_) {
-        for (size_t q = 0; q < np; ++q) when[q] -= S_[sensor * np + q] / rate;
-    } else {
-        coefficient(p_.gain[sensor - n_], -1.0 / rate);
-        coefficient(p_.offset[sensor - n_], -1.0 / rate);
+    if (g.delay >= 0) {
+        for (size_t q = 0; q < np; ++q) when_[q] = entered_s_[g.machine * np + q];
+        return coefficient(g.delay, -1.0);
     }
-    coefficient(threshold, 1.0 / rate);
+    for (int k = 0; k < 3; ++k) {
+        const int i = g.of.node[k];
+        if (i < 0) continue;
+        const double w = g.sign * e_.ceff[g.of.c[k]];
+        coefficient(g.of.c[k], g.sign * e_.t[i]);
+        if (i < n_) {
+            for (size_t q = 0; q < np; ++q) when_[q] -= w * S_[i * np + q] / rate;
+        } else {
+            coefficient(p_.gain[i - n_], w);
+            coefficient(p_.offset[i - n_], w);
+        }
+    }
+    coefficient(g.of.c0, g.sign);
+    coefficient(g.level, -g.sign);
+}
+
+// S jumps by (dT/dt before - after) dt*/dp. A rate of zero: that of the switching before, at the same instant.
+void Integrator::apply_event(int l, double rate) {
+    const size_t np = np_;
+    const Guard& g = p_.guards[l];
+    if (same_time_ > static_cast<int>(p_.guards.size()) + 2) throw Failure{CHATTER, p_.switch_node(g.machine)};
+    if (np > 0 && rate != 0.0) gap_slope(g, rate);  // zero: at the instant of the switching before
+    e_.on[g.machine] = eo_.on[g.machine] = static_cast<uint8_t>(g.to);
+    entered_[g.machine] = t_;
+    r_->events.push_back({t_, g.machine, g.to, g.from});
+    std::copy(T_.begin(), T_.end(), e_.t.begin());
+    if (!massless_.nodes.empty()) solve_slaved(massless_, e_);
+    if (np == 0) return;
+    std::copy(when_.begin(), when_.end(), entered_s_.begin() + g.machine * np);
+    e_.rows();
     for (int i = 0; i < n_; ++i) {
         if (cap_[i] == 0.0) continue;
-        axpy(S_.data() + i * np, d1_[i] - e_.f[i] / cap_[i], when.data(), np_);
+        axpy(S_.data() + i * np, d1_[i] - e_.f[i] / cap_[i], when_.data(), np_);
         d1_[i] = e_.f[i] / cap_[i];
     }
 }

@@ -30,6 +30,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     for (int k : p.con.kind) curved_ |= !is(k, STRAIGHT);
     for (int k : p.load.kind) curved_ |= k != SIGNAL;
     for (int k : p.control.kind) curved_ |= k != THERMOSTAT;
+    curved_ |= !p.followers.empty();
     constant_ = !curved_ && std::all_of(con_u_.begin(), con_u_.end(), [](const Entry& e) { return e.what >= 4; });
     for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
     for (int i = 0; i < n_; ++i)
@@ -80,10 +81,14 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         taken[node] = 1;
         holds_.push_back({node, own});
     }
-    for (int l : p.thermostats) {
-        sensor_boundary_ = sensor_boundary_ || p.control.sensor[l] >= n_;
-        sensor_slaved_ = sensor_slaved_ || p.control.sensor[l] < n_;
-    }
+    for (const Guard& g : p.guards)
+        for (int i : g.of.node) {
+            sensor_boundary_ = sensor_boundary_ || i >= n_;
+            sensor_slaved_ = sensor_slaved_ || (i >= 0 && i < n_);
+        }
+    entered_.assign(p.switches(), 0.0);
+    entered_s_.assign(p.switches() * np, 0.0);
+    sampled_.assign(p.samplers.size(), 0);
 }
 
 int Integrator::worst(const std::vector<double>& v) const {
@@ -96,6 +101,7 @@ int Integrator::worst(const std::vector<double>& v) const {
 // The range of temperatures so far scales rtol: a relative error in kelvin would mean nothing.
 void Integrator::seen() {
     for (int i = 0; i < p_.nodes(); ++i) {
+        if (p_.is_state(i)) continue;
         const double t = i < n_ ? T_[i] : e_.t[i];
         low_ = std::min(low_, t);
         high_ = std::max(high_, t);
@@ -105,7 +111,7 @@ void Integrator::seen() {
 void Integrator::check_state() {
     for (int i = 0; i < n_; ++i) {
         if (!std::isfinite(T1_[i])) throw Failure{NON_FINITE, i};
-        if (T1_[i] > COLDEST && T1_[i] < 1e5) continue;
+        if (p_.is_state(i) || (T1_[i] > COLDEST && T1_[i] < 1e5)) continue;
         if (!(T_[i] > COLDEST && T_[i] < 1e5)) throw Failure{RUN_AWAY, i};  // a massless node that has stood there since the start
         for (int k = 0; k < n_; ++k) err_[k] = T1_[k] - T_[k];
         throw Failure{RUN_AWAY, worst(err_)};
@@ -124,7 +130,7 @@ void Integrator::underflow(int cause) const {
 // Initial temperatures of massless nodes, thermostats and the outputs at the start.
 void Integrator::initial(const double* s0, Outputs& out) {
     for (int i = 0; i < n_; ++i) {
-        if (!std::isfinite(T_[i]) || !(T_[i] >= 0.0)) throw Failure{BAD_INPUT, i};
+        if (!std::isfinite(T_[i]) || !(T_[i] >= 0.0 || p_.is_state(i))) throw Failure{BAD_INPUT, i};
         if (p_.capacity[i] >= 0 && !(cap_[i] > 0.0 && std::isfinite(cap_[i]))) throw Failure{BAD_INPUT, i};
     }
     for (int j = 0; j < p_.nc; ++j)
@@ -135,7 +141,10 @@ void Integrator::initial(const double* s0, Outputs& out) {
         if (!(eo_.t[k] >= 0.0) || !std::isfinite(eo_.t[k])) throw Failure{BAD_INPUT, k};
     std::copy(T_.begin(), T_.end(), eo_.t.begin());
     if (!massless_.nodes.empty()) solve_slaved(massless_, eo_);
-    if (!p_.thermostats.empty()) decide_thermostats();
+    std::fill(entered_.begin(), entered_.end(), t_);
+    if (np_ > 0 && s0) std::copy(s0, s0 + S_.size(), S_.begin());
+    if (!p_.samplers.empty()) begin_samples();
+    if (!p_.guards.empty()) decide();
     std::copy(eo_.t.begin(), eo_.t.begin() + n_, T_.begin());
     e_.t = eo_.t;
     e_.u = eo_.u;
@@ -143,7 +152,6 @@ void Integrator::initial(const double* s0, Outputs& out) {
     low_ = high_ = T_[0];
     seen();
     if (np_ > 0) {
-        if (s0) std::copy(s0, s0 + S_.size(), S_.begin());
         slaved_sensitivity(massless_, eo_, S_.data());
     }
     // Outputs at the start: a step of no length.

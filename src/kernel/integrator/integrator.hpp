@@ -20,13 +20,13 @@ struct Options {
     bool energy = true;
     std::vector<double> breaks;
     std::vector<double> mesh;           // ends of steps to take as they are, while their error is not far beyond the tolerances
-    std::vector<int> on;                // thermostats at the start: 1 on, 0 off, -1 decided by the sensor
+    std::vector<int> on;                // switches at the start: the state, of thermostats 1 on and 0 off; -1 decided by the sensor
     bool turnings = false;              // of the observed nodes, then of these sums
     Sums sums;
     std::function<void()> poll;         // called now and then; may throw
 };
 
-struct Event { double time; int load, on; };
+struct Event { double time; int load, on, before; };  // of a thermostat or machine, and its states
 
 struct Result {
     int status = OK, node = -1;
@@ -220,13 +220,21 @@ class Integrator {
     std::vector<double> samples_, when_, rates_;
     std::vector<int> found_;
     bool sensor_slaved_ = false, sensor_boundary_ = false;
-    void decide_thermostats();
-    double gap(int l) const;
-    double gap_rate(int l) const;
+    std::vector<double> entered_, entered_s_;  // when each switch came to its state, and (switches, np) its derivatives
+    void decide();
+    double gap(const Guard& g, double time) const;
+    double gap_rate(const Guard& g) const;
+    void gap_slope(const Guard& g, double rate);
     double gap_at(int l, double s);
     bool find_event(double& s, int& l);
     void apply_events();
     void apply_event(int l, double rate);
+
+    // samples.cpp
+    std::vector<long> sampled_;  // of each sampler, how many
+    void begin_samples();
+    void sample();
+    void put_sample(int k);
 
     // integrator.cpp
     void initial(const double* s0, Outputs& out);

@@ -119,7 +119,7 @@ bool Integrator::delayed(const int* obs, int nobs) const {
 // m rows of outputs at increasing times: T (m, nodes) and, where asked for, S (m, nodes, np).
 void Integrator::rows(const double* times, long m, const int* obs, int nobs, double* T, double* S) {
     const bool plain = delayed(obs, nobs);
-    need_u_ = !plain || !p_.thermostats.empty();
+    need_u_ = !plain || !p_.guards.empty();
     if (plain) temperature_terms(obs, nobs);
     if (S && plain) sensitivity_terms(obs, nobs);
     else if (S) sensitivity_terms(all_.data(), n_);
@@ -199,7 +199,7 @@ void Integrator::collect(const double* times, long last) {
         const long many = squares_->open(g, last, slope_count_, CHUNK);
         if (many == 0) continue;
         if (plain) {
-            need_u_ = !p_.thermostats.empty();
+            need_u_ = !p_.guards.empty();
             temperature_terms(group.nodes.data(), nodes);
             if (np_ > 0) sensitivity_terms(group.nodes.data(), nodes);
         }

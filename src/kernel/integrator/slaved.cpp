@@ -108,6 +108,7 @@ void Integrator::factor_slaved(Slaved& s, const double* j) {
 // Rows that touch slaved nodes only; e.f is right for those nodes alone.
 void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
     for (int i : s.nodes) e.f[i] = 0.0;
+    if (!p_.followers.empty()) e.follow();
     const Conductors& c = p_.con;
     for (int r : s.con_rows) {
         const auto x = conductor(c.kind[r], e.t[c.a[r]], e.t[c.b[r]], e.ceff[c.c0[r]], e.ceff[c.c1[r]],
@@ -120,14 +121,19 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
         if (s.is[c.a[r]] && !is(c.kind[r], ONE_WAY)) e.f[c.a[r]] -= x.q;
     }
     for (int r : s.load_rows) e.f[p_.load.node[r]] += e.put_load(r);
+    if (!p_.followers.empty()) e.find_pull();
 }
 
 // Rows of the Jacobian that belong to slaved nodes, as values of the pattern.
 void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const {
     const Pattern& at = p_.pattern;
+    if (!p_.followers.empty()) {
+        std::fill(j, j + at.size(), 0.0);
+        e.follow_slopes(j);
+    }
     for (int i : s.nodes)
         for (int k = at.begin[i]; k < at.begin[i + 1]; ++k) {
-            j[k] = 0.0;
+            if (p_.followers.empty()) j[k] = 0.0;
             for (int x = p_.slope_begin[k]; x < p_.slope_begin[k + 1]; ++x) j[k] += p_.slope_sign[x] * e.qab[p_.slope_at[x]];
         }
     for (int r : s.load_rows)

@@ -20,6 +20,7 @@ Modal::Modal(const Problem& p, const double* coef) : p_(p), coef_(coef), all_(p.
     }
     for (int k : p.load.kind)
         if (k != SIGNAL) throw std::invalid_argument("a load depends on temperature");
+    if (!p.followers.empty()) throw std::invalid_argument("a coefficient follows a temperature");
     if (p.control.size() > 0) throw std::invalid_argument("a load follows a control");
 }
 

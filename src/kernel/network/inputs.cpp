@@ -74,7 +74,7 @@ int Input::segment(double t, int hint) const {
 }
 
 double Input::at(double t) const {
-    if (kind == 3) return mean;
+    if (kind > 2) return mean;
     if (kind == 2) return mean + amplitude * std::sin(TWO_PI * t / period + phase);
     const int i = segment(t, -1);
     return i < 0 ? mean + seg[0].u : mean + seg[i].u + seg[i].s * (t - seg[i].t);

@@ -66,6 +66,14 @@ struct Knee {
         for (double level : {setpoint, setpoint - full / gain})
             if (low <= level && level <= high) pass(s, turn, level, std::fabs(gain / full * power) * felt());
     }
+    // Of what is kept between two limits; felt: for one unit of it all along the step.
+    template <class Felt>
+    void limits(const Sweep& s, double least_value, double most_value, Felt felt) {
+        const double turn = s.turn(), third = turn < 1.0 ? s.at(turn) : s.t1;
+        const double low = std::min({s.t0, s.t1, third}), high = std::max({s.t0, s.t1, third});
+        for (double level : {least_value, most_value})
+            if (low <= level && level <= high) pass(s, turn, level, felt());
+    }
     // felt: as above, for a slope that jumps by one.
     template <class Felt>
     void table(const Sweep& s, const Table& t, Felt felt) {

@@ -119,7 +119,7 @@ struct Table {
     int bucket(double at) const { return std::min(static_cast<int>((at - x.front()) * per_kelvin_), static_cast<int>(first_.size()) - 2); }
 };
 
-enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, INPUT_KINDS };
+enum InputKind { SAMPLED_LINEAR = 0, SAMPLED_HOLD, SINE, CONSTANT, FOLLOWED, INPUT_KINDS };
 
 constexpr double COLDEST = -1e-6;  // what the error of steps may leave of a node that rests at 0 K [K]
 constexpr double GAS_ANCHOR = 300.0;  // temperature to which the coefficients of gas laws refer [K]

@@ -125,10 +125,11 @@ void Problem::prepare() {
     for (int j = 0; j < nc; ++j)
         if (coef_input[j] >= 0) {
             timed.push_back(j);
-            if (inputs[coef_input[j]].kind != CONSTANT) moved.push_back(j);
+            if (inputs[coef_input[j]].kind != CONSTANT && inputs[coef_input[j]].kind != FOLLOWED) moved.push_back(j);
         }
     for (size_t k = 0; k < inputs.size(); ++k)
-        if (inputs[k].kind != CONSTANT) moving.push_back(static_cast<int>(k));
+        if (inputs[k].kind != CONSTANT && inputs[k].kind != FOLLOWED) moving.push_back(static_cast<int>(k));
+    prepare_controls();
     find_pattern();
 }
 
@@ -148,6 +149,11 @@ void Problem::find_pattern() {
     const int felt = 2 * load.size();
     for (int k = 0; k < felt; ++k)
         if (follows(k)) cols[load.node[k % load.size()]].push_back(load.felt[k]);
+    for (const Drive& f : followers)
+        for (int i : f.nodes)
+            for (int x : f.factors)
+                for (int at : factors[x].of.node)
+                    if (factors[x].kind != OF_STATE && at >= 0 && at < n) cols[i].push_back(at);
     pattern.build(n, cols);
     elimination.build(pattern);
     struct Part { int row, end; double sign; };
@@ -176,6 +182,10 @@ void Problem::find_pattern() {
         }
         slope_begin.push_back(static_cast<int>(slope_at.size()));
     }
+    for (Drive& f : followers)
+        for (int i : f.nodes)
+            for (int x : f.factors)
+                for (int at : factors[x].of.node) f.entry.push_back(factors[x].kind != OF_STATE && at >= 0 && at < n ? pattern.at(i, at) : -1);
     for (int k = 0; k < felt; ++k) load_place.push_back(follows(k) ? pattern.at(load.node[k % load.size()], load.felt[k]) : -1);
 }
 
@@ -185,6 +195,7 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     ceff.assign(coef, coef + p->nc);
     ceff.push_back(0.0);
     ceff.push_back(std::numeric_limits<double>::infinity());
+    ceff.push_back(1.0);
     t.assign(p->nodes(), 0.0);
     q.assign(2 * m, 0.0);
     phi.assign(m, 0.0);
@@ -193,7 +204,11 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     qb = qa + m;
     power.assign(l, 0.0);
     slope.assign(2 * l, 0.0);
-    on.assign(p->control.size(), 0);
+    on.assign(p->switches(), 0);
+    std::copy(p->machines.begin(), p->machines.end(), on.begin() + p->control.size());
+    factor.assign(p->factors.size(), 1.0);
+    bend.assign(p->factors.size(), 0.0);
+    for (const Drive& x : p->followers) pull.emplace_back(x.nodes.size(), 0.0);
     piece.assign(p->con.place.back(), 0);
     f.assign(p->nodes(), 0.0);
     quarter = true;
@@ -245,6 +260,7 @@ double Evaluation::load_slope(const Entry& e) const {
 }
 
 void Scatter::build(const Problem& p, const CoefJacobian& d) {
+    derivatives = &d;
     plain_.clear();
     parts_.clear();
     other.clear();
@@ -268,11 +284,12 @@ void Scatter::build(const Problem& p, const CoefJacobian& d) {
 
 void Evaluation::add_parameters(Scatter& s, double* fp, double scale) const {
     double* v = s.value.data();
-    auto factor = [&](const Entry& e) { return p->coef_input[e.coef] < 0 ? scale : scale * u[p->coef_input[e.coef]]; };
+    auto times = [&](const Entry& e) { return p->coef_input[e.coef] < 0 ? scale : scale * u[p->coef_input[e.coef]]; };
     s.add_plain(phi.data(), scale, fp);
-    for (const Entry& e : s.other) *v++ = con_slope(e) * factor(e);
-    for (const Entry& e : s.load) *v++ = load_slope(e) * factor(e);
+    for (const Entry& e : s.other) *v++ = con_slope(e) * times(e);
+    for (const Entry& e : s.load) *v++ = load_slope(e) * times(e);
     s.add(fp);
+    if (!p->followers.empty() && s.derivatives->np > 0) follow_parameters(*s.derivatives, fp, scale);
 }
 
 void Evaluation::pushes_of(const Entry& e, std::vector<Push>& out) const {
@@ -292,6 +309,7 @@ void Evaluation::input_slopes(const std::vector<Push>& pushes, const std::vector
         if (!is(p->con.kind[e.row], ONE_WAY) && p->con.a[e.row] < n) to[p->con.a[e.row]] -= v;
     }
     for (const Entry& e : load) fu[static_cast<size_t>(p->coef_input[e.coef]) * n + p->load.node[e.row]] += load_slope(e) * coef[e.coef];
+    if (!p->followers.empty()) follow_inputs(fu);
 }
 
 }  // namespace thermid

@@ -33,8 +33,45 @@ struct Controls {
     int size() const { return static_cast<int>(kind.size()); }
 };
 
+// What a control reads: c0 + sum c_k T_k over up to three nodes (-1: none), all of them coefficients.
+struct Probe { int c0, node[3], c[3]; };
+
+// What a control gives: its probe between two limits, a table of it, or the value that belongs to the state of a machine.
+enum FactorKind { CLAMP = 0, LOOKUP, OF_STATE, FACTOR_KINDS };
+struct Factor {
+    int kind;
+    Probe of;
+    int low, high, table, machine;
+    std::vector<int> values;  // coefficients, one for each state
+};
+
+// A way from one state of a machine to another: where its probe passes a level upwards (sign 1) or downwards (-1), or so long after the state
+// began. Thermostats are machines of two states.
+struct Guard {
+    int machine, from, to;
+    Probe of;
+    int level;
+    double sign;
+    int delay;  // coefficient; -1 where the probe decides
+};
+
+// An input that follows temperatures: a product of factors, and of another input (-1: none).
+struct Drive {
+    int base;
+    std::vector<int> factors;
+    int input = -1;
+    std::vector<int> coefs;          // coefficients that follow it
+    std::vector<Entry> con, load;    // where these enter
+    std::vector<int> nodes, place;   // unknown nodes that it moves, and of every node the place among them, -1
+    std::vector<int> entry;          // (nodes, factors, 3): places in the Jacobian's pattern, -1
+};
+
+// A node of control that takes a factor's value at every multiple of a period, and keeps it between.
+struct Sampler { double period; int node, factor; };
+
 struct Problem {
     int n = 0, nb = 0, nc = 0;  // unknowns, boundaries, coefficients
+    int states = 0;             // the last so many unknowns are states of controls: no temperatures
     std::vector<int> capacity, coef_input, gain, offset;
     Conductors con;  // sorted by kind
     Loads load;
@@ -45,8 +82,17 @@ struct Problem {
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;
     std::vector<int> timed, massless, thermostats;  // thermostats: which controls are
+    std::vector<Factor> factors;
+    std::vector<Drive> followers;
+    std::vector<int> machines;       // the state in which each begins; they stand behind the controls in Evaluation::on
+    std::vector<Guard> guards;       // of thermostats, then of machines
+    std::vector<Sampler> samplers;
+    bool is_state(int i) const { return i >= n - states && i < n; }
+    int switches() const { return control.size() + static_cast<int>(machines.size()); }
+    int switch_node(int l) const { return l < control.size() ? control.node[l] : -1; }
     std::vector<int> bent_conductors, bent_loads;  // tables with knees, and proportional heaters
-    bool knees() const { return !bent_conductors.empty() || !bent_loads.empty(); }
+    bool knees() const { return !bent_conductors.empty() || !bent_loads.empty() || !bent_factors.empty(); }
+    std::vector<int> bent_factors;
     std::vector<int> moving, moved;              // inputs that are not constant, and the coefficients that follow these
     int kind_begin[CONDUCTOR_KINDS + 1] = {};  // conductors of a kind stand together
     // Conductors that bring heat to a node (r), or take it away (their number + r: the place of -q in Evaluation::q).
@@ -70,6 +116,7 @@ struct Problem {
 
   private:
     void find_pattern();
+    void prepare_controls();
 };
 
 // Parameter derivatives of the coefficients, CSR (coefficients, parameters); empty when np == 0.
@@ -92,6 +139,7 @@ struct Scatter {
     void add(double* y) const {
         for (const Part& x : parts_) y[x.place] += x.factor * value[x.from];
     }
+    const CoefJacobian* derivatives = nullptr;
     std::vector<Entry> other;   // conductors' entries that are not plain
     std::vector<double> value;  // of each of these, and of each load's
     bool exponents = false;     // some are
@@ -113,7 +161,9 @@ struct Evaluation {
     std::vector<double> q, phi, qab;    // conductors; q, then -q; qa, qb, room for their negatives, 0
     double *qa, *qb;                    // the first two quarters of qab
     std::vector<double> power, slope;   // loads; their slopes in the temperature of the law, then of the control
-    std::vector<uint8_t> on;            // thermostat states (controls)
+    std::vector<uint8_t> on;            // states of thermostats (controls), then of machines
+    std::vector<double> factor, bend;   // value of each factor, and its slope in what its probe reads
+    std::vector<std::vector<double>> pull;  // of each follower: heat into its nodes per unit of it
     std::vector<double> f;              // heat into each unknown node
     std::vector<int> piece;             // of each table that conductors look up, where they stand
     bool quarter = false;               // the exponent of every power law is 1/4, always
@@ -123,6 +173,16 @@ struct Evaluation {
     void set_inputs();       // u -> ceff, boundary temperatures
     void move_inputs();      // the same after a change of moving inputs alone
     void rows();             // t -> rows and f
+    double probe(const Probe& x) const;
+    void follow();           // t -> factors, the inputs that follow them, their coefficients and boundaries
+    double others(const Drive& f, size_t k) const;  // what its k-th factor is multiplied by
+    void find_pull();        // from rows
+    template <class F> void factor_slope(int k, F add) const;  // add(coefficient, slope of factor k in it as it was passed)
+    template <class F> void each_pull(F add) const;  // add(follower, its factor's number, slope in the probe, probe)
+    void follow_slopes(double* v) const;             // adds to values of the pattern what followers make of temperatures
+    void follow_parameters(const CoefJacobian& d, double* fp, double scale) const;
+    void follow_inputs(double* fu) const;            // hands what follows on to the inputs behind it
+    void follow_rows(double w, const double* dir, double* conductors, double* loads) const;
     template <class X, class Temperature, class Coefficient>
     Controlled<X> load(int r, Temperature t, Coefficient c) const;  // t(node), c(place)
     Controlled<double> load(int r) const;
@@ -164,6 +224,10 @@ class SecondOrder {
 
   private:
     std::vector<double> dt_, dc_, dab_, d0_, d1_, dl_;
+    std::vector<double> du_, factor_, bend_;  // directions of inputs, of factors and of their slopes
+    std::vector<std::vector<double>> pull_;   // of what followers pull
+    void follow(const Evaluation& at, const double* dir_u);
+    void followed(const Evaluation& at, const CoefJacobian& d, double* jacobian, double* g);
     double *da_, *db_;  // the first two quarters of dab_
     void conductors(const Evaluation& at, bool exponents);
     void loads(const Evaluation& at);

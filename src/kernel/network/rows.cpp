@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "network/problem.hpp"
+#include "network/followers.hpp"
 
 namespace thermid {
 
@@ -65,6 +65,7 @@ void Evaluation::shift(double w, const double* delta, double* conductors, double
     const int m = p->load.size();
     const int* felt = p->load.felt.data();
     for (int r = 0; r < m; ++r) loads[r] += w * (power[r] - slope[r] * delta[felt[r]] - slope[m + r] * delta[felt[m + r]]);
+    if (!p->followers.empty()) follow_rows(-w, delta, conductors, loads);
 }
 
 void Evaluation::lean(double w, const double* dir, double* conductors, double* loads) const {
@@ -72,9 +73,11 @@ void Evaluation::lean(double w, const double* dir, double* conductors, double* l
     const int m = p->load.size();
     const int* felt = p->load.felt.data();
     for (int r = 0; r < m; ++r) loads[r] += w * (slope[r] * dir[felt[r]] + slope[m + r] * dir[felt[m + r]]);
+    if (!p->followers.empty()) follow_rows(w, dir, conductors, loads);
 }
 
 void Evaluation::rows() {
+    if (!p->followers.empty()) follow();
     const Conductors& c = p->con;
     const int* first = p->kind_begin;
     const Rows x{c.a.data(), c.b.data(), c.c0.data(), c.c1.data(), c.table.data(), c.place.data(), t.data(), ceff.data(), p->tables.data(),
@@ -94,6 +97,7 @@ void Evaluation::rows() {
         if (ld.kind[r] == SIGNAL && ld.control[r] < 0) f[ld.node[r]] += power[r] = ceff[ld.c[0][r]];
         else f[ld.node[r]] += put_load(r);
     }
+    if (!p->followers.empty()) find_pull();
 }
 
 void Problem::sum_slopes(double* qab, const double* loads, double* v) const {
@@ -106,7 +110,10 @@ void Problem::sum_slopes(double* qab, const double* loads, double* v) const {
         if (load_place[r] >= 0) v[load_place[r]] += loads[r];
 }
 
-void Evaluation::slopes(double* v) { p->sum_slopes(qab.data(), slope.data(), v); }
+void Evaluation::slopes(double* v) {
+    p->sum_slopes(qab.data(), slope.data(), v);
+    if (!p->followers.empty()) follow_slopes(v);
+}
 
 void Evaluation::jacobian(double* j) const {
     const int n = p->n;
@@ -126,6 +133,11 @@ void Evaluation::jacobian(double* j) const {
     const Loads& l = p->load;
     for (int k = 0; k < 2 * l.size(); ++k)
         if (slope[k] != 0.0 && l.felt[k] < n) j[static_cast<size_t>(l.node[k % l.size()]) * n + l.felt[k]] += slope[k];
+    each_pull([&](size_t f, size_t, double by, const Probe& x) {
+        for (size_t i = 0; i < pull[f].size(); ++i)
+            for (int k = 0; k < 3; ++k)
+                if (x.node[k] >= 0 && x.node[k] < n) j[static_cast<size_t>(p->followers[f].nodes[i]) * n + x.node[k]] += pull[f][i] * by * ceff[x.c[k]];
+    });
 }
 
 }  // namespace thermid

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import look_up
 from thermid.files import CREDIBILITY, write_text
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.tree.tree import ParameterSet
-from thermid.units import NAMES, unit
+from thermid.units import NAMES, from_si, unit
 
 if TYPE_CHECKING:
     from thermid.campaign.stages import Campaign
@@ -82,9 +82,7 @@ class CredibilityRecord(Mapping[str, ValueRecord]):
         ------
         NameNotFoundError   With the nearest path.
         """
-        if path not in self.values_:
-            raise NameNotFoundError(f"no value '{path}'.{nearest(path, self.values_)}", self.title)
-        return self.values_[path]
+        return look_up(path, self.values_, "no value '{}'.", self.title)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the paths."""
@@ -157,7 +155,7 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     of = unit(text)
 
     def shown(x: float | None) -> float | None:
-        return None if x is None else (x - float(of.offset)) / float(of.factor)
+        return None if x is None else from_si(x, of)
 
     stage = next((name for name in reversed(list(fits)) if entry.origin == f"stage '{fits[name].stage}'"), "")
     error, date = 0.0, ""

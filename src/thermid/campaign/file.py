@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from thermid.campaign.cache import file_name, log_kept
-from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, nearest
+from thermid.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
@@ -148,10 +148,8 @@ class CampaignSource:
     def _record(self, name: str) -> Record:
         path, table = self.names()[name]
         where = self.where(f"records.{name}")
-        try:
+        with errors_at(where, ": "):
             return self._joined(self._prepared(name, path, table, where), table, where)
-        except ThermidError as error:
-            raise placed(error, where) from None
 
     def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
         """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""
@@ -281,13 +279,6 @@ def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
     return made
 
 
-def placed(error: ThermidError, where: str) -> ThermidError:
-    """Return an error with its place in the campaign before the place that it has itself."""
-    file = where.partition(":")[0].partition(",")[0]
-    known = error.where.startswith((f"{file}:", f"{file},"))
-    return error if known else type(error)(error.message, f"{where}: {error.where}" if error.where else where)
-
-
 def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts: Sequence[VerdictTable]) -> None:
     """Refuse stages of one name, and stages that build on what does not come before them."""
     done: list[str] = []
@@ -313,12 +304,9 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
                     source.where(f"stages.{k}.inherit"),
                 )
         done.append(stage.name)
-    for name in source.accepted:
-        if name not in done:
-            raise DeckError(f"no stage '{name}' to accept.{nearest(name, done)}", source.where("accept"))
+    refuse_unknown(source.accepted, done, source.where("accept"), "no stage '{}' to accept.", DeckError)
     for k, verdict in enumerate(verdicts):
-        if verdict.model not in done:
-            raise DeckError(f"no stage '{verdict.model}'.{nearest(verdict.model, done)}", source.where(f"verdicts.{k}.model"))
+        refuse_unknown([verdict.model], done, source.where(f"verdicts.{k}.model"), "no stage '{}'.", DeckError)
         if verdict.values == "joint" and source.content.joint is None:
             raise DeckError(
                 "it judges the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import DeckError, ThermidError
+from thermid.errors import DeckError, errors_at
 from thermid.fit.problem.unknowns import parameter_unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
@@ -50,10 +50,8 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
     if not rows:
         raise DeckError(f'\'{path.name}\' gives no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
-    try:
+    with errors_at(f"{where}, {path.name}"):
         return _store({k: _given(k, v, where) for k, v in rows.items()}, model, ValueOrigin("hand", stage, (), key))
-    except ThermidError as error:
-        raise error.located(f"{where}, {path.name}") from None
 
 
 def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:

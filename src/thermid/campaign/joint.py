@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.campaign.cache import recall, remember
-from thermid.errors import IdentificationError, nearest
+from thermid.errors import IdentificationError, look_up, nearest, refuse_unknown
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import build_problem, prior_of
@@ -237,9 +237,7 @@ class JointFit(Calibration):
         ------
         IdentificationError   When the joint fit has no such level.
         """
-        if stage not in self.levels:
-            raise IdentificationError(f"the joint fit has no level '{stage}'.{nearest(stage, self.levels)}", self.stage)
-        model, names = self.levels[stage]
+        model, names = look_up(stage, self.levels, "the joint fit has no level '{}'.", self.stage, IdentificationError)
         order = list(self.values)
         chosen = {q: p for p, q in reversed(list(names.items()))}
         kept = [k for k, q in enumerate(order) if q in chosen or self.values[q].kind not in ("parameter", "level")]
@@ -334,9 +332,7 @@ def joint_key(keys: Mapping[str, str], table: JointFitTable) -> str:
 
 
 def _chosen(table: JointFitTable, names: list[str], where: str) -> list[str]:
-    for name in table.stages:
-        if name not in names:
-            raise IdentificationError(f"no stage '{name}'.{nearest(name, names)}", f"{where}.stages")
+    refuse_unknown(table.stages, names, f"{where}.stages", "no stage '{}'.", IdentificationError)
     return [n for n in names if not table.stages or n in table.stages]
 
 
@@ -451,8 +447,7 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
                 )
             stated[name], said[name] = prior, level.name
     for name, one in table.priors.items():
-        if name not in by_name:
-            raise IdentificationError(f"a prior is given for '{name}', which is not free.{nearest(name, by_name)}", f"{where}.priors")
+        refuse_unknown([name], by_name, f"{where}.priors", "a prior is given for '{}', which is not free.", IdentificationError)
         stated[name] = prior_of(by_name[name], (one.mean, one.sd))
     return [replace(u, prior=stated[u.name]) if u.name in stated else u for u in unknowns]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.campaign.file import by_grammar, read_campaign
 from thermid.campaign.stages import Campaign
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.judge.metrics import Residuals, metric
@@ -314,8 +314,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
     path = model.canonical(table.at)
     known = {*part_boxes(model), *Names(model).nodes} - {""}
-    if path not in known:
-        raise NameNotFoundError(f"'{name}' stands at '{table.at}', which the model does not have.{nearest(table.at, known)}", where)
+    refuse_unknown([path], known, where, f"'{name}' stands at '{table.at}', which the model does not have.", NameNotFoundError)
     low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
     return Component(path, table.what, low, high, table.basis)
 
@@ -351,12 +350,13 @@ def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
     asked = read_campaign(campaign).content
     stages = [s.name for s in asked.stages]
     for k, action in enumerate(content.actions):
-        for stage in action.stages:
-            if stage not in stages:
-                raise DeckError(
-                    f"'{action.name}' names stage '{stage}', which {campaign.name} does not have.{nearest(stage, stages)}",
-                    where(f"actions.{k}.stages"),
-                )
+        refuse_unknown(
+            action.stages,
+            stages,
+            where(f"actions.{k}.stages"),
+            f"'{action.name}' names stage '{{}}', which {campaign.name} does not have.",
+            DeckError,
+        )
     patterns = [p for table in content.sensors.values() for p in table.channels]
     for name, record in asked.records.items():
         for channel, target in record.channels.items():

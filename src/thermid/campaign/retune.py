@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.campaign.file import CampaignSource, read_campaign
-from thermid.campaign.file import placed as placed_in
 from thermid.campaign.joint import Level, places_of
 from thermid.campaign.stages import Campaign, Notice, progress_of, request_of
 from thermid.dual import value_of
-from thermid.errors import DeckError, IdentificationError, MissingDataError, SolverError, ThermidError
+from thermid.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request, key_of
@@ -413,7 +412,7 @@ def retuned(
             done[stage.name] = before[stage.of]
             continue
         carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
-        try:
+        with errors_at(source.where(f"stages.{k}"), ": "):
             told = _told_by(table, stage, renamed, again, plan, done)
             told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
             request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
@@ -424,8 +423,6 @@ def retuned(
                 done[stage.name] = _carried(before[stage.of], request) if stage.part else before[stage.of]
             else:
                 done[stage.name] = fit(request, progress_of(notice, stage.name))
-        except ThermidError as error:
-            raise placed_in(error, source.where(f"stages.{k}")) from None
     count = 0 if part_only else len(plan.freed)
     note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {len(due)} tests repeated, {count} values retuned."
     return Campaign(before.title, done, (), keys, note, requests=requests)

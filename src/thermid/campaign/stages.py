@@ -12,10 +12,10 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.campaign.cache import changed_since, file_name, recall, remember
-from thermid.campaign.file import CampaignSource, accepting, local_of, placed, read_campaign, scenario_of
+from thermid.campaign.file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign.hand import hand_values
 from thermid.campaign.joint import JointFit, fit_jointly, joint_key
-from thermid.errors import DeckError, IdentificationError, NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import DeckError, IdentificationError, RecordError, errors_at, look_up, refuse_unknown
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of
@@ -122,8 +122,8 @@ def _handed_on(below: Calibration, inherit: InheritTable, where: str) -> Store:
     DeckError   When either names a value that the stage does not have.
     """
     store, own = below.store, set(below.values.parameters)
-    _check_known(inherit.only, own, f"{where}.only", f"was not fitted by stage '{below.stage}'")
-    _check_known(inherit.without, store.parameters, f"{where}.without", f"is not known to stage '{below.stage}'")
+    refuse_unknown(inherit.only, own, f"{where}.only", f"'{{}}' was not fitted by stage '{below.stage}'.", DeckError)
+    refuse_unknown(inherit.without, store.parameters, f"{where}.without", f"'{{}}' is not known to stage '{below.stage}'.", DeckError)
     back = {p for p in own if inherit.only and p not in inherit.only} | set(inherit.without)
     return store.only(lambda s: s.path not in back) if back else store
 
@@ -137,14 +137,8 @@ def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
     """
     if inherit.move and inherit.as_ != "prior":
         raise DeckError('`move` says which values of a prior may move; with as = "fixed" none does.', f"{where}.move")
-    _check_known(inherit.move, store.parameters, f"{where}.move", "is not handed on")
+    refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not handed on.", DeckError)
     return set(inherit.move or store.parameters) if inherit.as_ == "prior" else set()
-
-
-def _check_known(names: Sequence[str], among: Mapping[str, object] | set[str], where: str, words: str) -> None:
-    for name in names:
-        if name not in among:
-            raise DeckError(f"'{name}' {words}.{nearest(name, among)}", where)
 
 
 def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
@@ -238,9 +232,7 @@ class Campaign:
         ------
         NameNotFoundError   With the nearest name.
         """
-        if stage not in self.stages:
-            raise NameNotFoundError(f"no stage '{stage}'.{nearest(stage, self.stages)}", self.title)
-        return self.stages[stage]
+        return look_up(stage, self.stages, "no stage '{}'.", self.title)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the stages."""
@@ -335,7 +327,7 @@ def run_stages(
     requests: dict[str, Request] = {}
     changed: dict[str, tuple[str, ...]] = {}
     for k, stage in enumerate(source.content.stages):
-        try:
+        with errors_at(source.where(f"stages.{k}"), ": "):
             request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
             requests[stage.name], keys[stage.name] = request, request.key
             kept = recall(folder, stage.name, request.key)
@@ -345,8 +337,6 @@ def run_stages(
                 if found.converged:
                     remember(folder, stage.name, request.key, list(found.fitted), np.array(list(found.fitted.values())), ingredients)
             done[stage.name] = found
-        except ThermidError as error:
-            raise placed(error, source.where(f"stages.{k}")) from None
     made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
@@ -429,7 +419,7 @@ def _judge(
         if not fit.standing.judgeable:
             yield not_judged(fit, name, table.name)
             continue
-        try:
+        with errors_at(where, ": "):
             record = source.bound(name, stage)
             if record.origin.sha256 in used:
                 raise IdentificationError(
@@ -445,8 +435,6 @@ def _judge(
                 readings=plain_readings(table.readings if table.readings is not None else stage.readings),
                 title=table.name,
             )
-        except ThermidError as error:
-            raise placed(error, where) from None
 
 
 def _judged_stages(stages: Mapping[str, Calibration], verdicts: tuple[Verdict, ...], accepted: tuple[str, ...]) -> dict[str, Calibration]:

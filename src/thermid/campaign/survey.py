@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from thermid.campaign.cache import recall
-from thermid.campaign.file import CampaignSource, local_of, placed, read_campaign, scenario_of
+from thermid.campaign.file import CampaignSource, local_of, read_campaign, scenario_of
 from thermid.campaign.schema import StageTable, VerdictTable
 from thermid.campaign.stages import Notice, keyed, progress_of, readings_of, request_of
-from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, ThermidError, errors_at, nearest
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.inputs import Input, InputTable, inputs_of
@@ -62,7 +62,7 @@ def survey(
     for k, (name, table) in enumerate(zip(names, stages, strict=True)):
         if name not in needed:
             continue
-        try:
+        with errors_at(source.where(f"stages.{k}"), ": "):
             request, _ = keyed(request_of(source, table, k, done), table, keys)
             if name in wanted and not after and request.free:
                 out[name] = identifiability_of(request)
@@ -71,8 +71,6 @@ def survey(
                 done[name] = fit(request, progress_of(notice, name), recall(folder, name, keys[name]))
             if name in wanted and after and done[name].values.parameters:
                 out[name] = identifiability(done[name])
-        except ThermidError as error:
-            raise placed(error, source.where(f"stages.{k}")) from None
     return out
 
 
@@ -155,5 +153,5 @@ def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable,
 
 def _finding(error: ThermidError, where: str) -> Finding:
     """Return an error as a finding, with its place in the campaign."""
-    full = placed(error, where)
+    full = error.within(where, ": ")
     return Finding("error", full.where, full.message)

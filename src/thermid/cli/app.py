@@ -31,6 +31,10 @@ COMMANDS = {
         "build.check", "Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."
     ),
     "simulate": Place("build.simulate", "Run a model in a scenario and print where its temperatures go."),
+    "steady": Place(
+        "build.steady_state",
+        "Print where a model settles: temperatures with margins, sorted; with --flows where its heat goes.",
+    ),
     "calibrate": Place(
         "fit.calibrate",
         "Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell.",
@@ -50,7 +54,9 @@ COMMANDS = {
         "symbolic",
     ),
     "export": Place(
-        "exchange.export", "Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist.", "symbolic"
+        "exchange.export",
+        "Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN.",
+        "symbolic",
     ),
     "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),
     "htc": Place(
@@ -77,6 +83,10 @@ COMMANDS = {
     "identify": Place(
         "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
     ),
+    "estimate": Place(
+        "fit.estimate",
+        "Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon.",
+    ),
     "profile": Place(
         "qualify.profile",
         "Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit.",
@@ -97,6 +107,10 @@ COMMANDS = {
     "hold": Place(
         "fit.hold",
         "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
+    ),
+    "init": Place("start.init", "Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."),
+    "example": Place(
+        "start.example", "Copy a shipped example with its data into a new folder; published measurements are fetched and checked."
     ),
     "deliver": Place(
         "qualify.deliver", "Write decks, values, a reduced deck and what must come out into a folder, and check it from there."

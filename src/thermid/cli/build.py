@@ -37,22 +37,33 @@ from thermid.cli.options import (
     with_unit,
     writable,
 )
-from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, nearest
+from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, refuse_unknown
 from thermid.files import NETCDF, PICTURE, TABLE, write_text
 from thermid.fit.inputs import InputTable
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
 from thermid.model.deck.schema import json_schema as deck_schema
+from thermid.model.laws.signal import literal
+from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams.diagram import diagram as drawn
 from thermid.reporting.pages.views import comparison_object, solution_object
 from thermid.simulation import transient
+from thermid.simulation.heat_map import margin_lines, margins
 from thermid.simulation.simulator import output_times
 from thermid.simulation.steady import steady
 from thermid.toml_files import read_toml
 
+FIRST = 4
+"""Findings of a deck that are printed without -v, beside the line that counts them."""
 
-def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
+
+def check(
+    deck: Deck,
+    data: Data = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every finding of a deck, not the four most important.")] = False,
+    as_json: Json = False,
+) -> None:
     """Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."""
     campaign = "stages" in read_toml(deck)[0]
     inputs: dict[str, InputTable] = {}
@@ -62,9 +73,11 @@ def check(deck: Deck, data: Data = None, as_json: Json = False) -> None:
         findings = tuple(load_model(deck).check())
     count = {s: sum(f.severity == s for f in findings) for s in ("error", "warning", "note")}
     first = next((f for f in findings if f.severity == "error"), None)
-    lines = [f"{f.severity}: {f.where}: {f.message}" for f in findings]
+    shown = findings if campaign or verbose else findings[:FIRST]
+    lines = [f"{f.severity}: {f.where}: {f.message}" for f in shown]
     lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
     lines.append(f"{deck.name}: {count['error']} errors, {count['warning']} warnings, {count['note']} notes")
+    lines += [f"{len(findings) - len(shown)} more: -v"] if len(shown) < len(findings) else []
     content = {
         **({} if first is None else {"status": "error", "message": first.message, "where": first.where}),
         "findings": [{"severity": f.severity, "where": f.where, "message": f.message} for f in findings],
@@ -124,6 +137,63 @@ def simulate(
     leave(standing)
 
 
+def steady_state(
+    deck: Deck,
+    scenario: ScenarioPath = None,
+    boundary: Boundaries = [],  # noqa: B006
+    param: Parameters = [],  # noqa: B006
+    load: Loads = [],  # noqa: B006
+    when: Annotated[str, typer.Option("--when", help="Inputs of which time: '2 [h]', 'mean', or 'periodic' with its extremes.")] = "0 [s]",
+    flows: Annotated[bool, typer.Option("--flows", help="Where the heat goes: between groups, by node, by conductor.")] = False,
+    group: Annotated[
+        list[str], typer.Option("--group", help="NAME=PATTERN of nodes, such as parts='*.junction,*.case'; may be repeated.")
+    ] = [],  # noqa: B006
+    limit: Annotated[
+        list[str], typer.Option("--limit", help="PATTERN=LOW..HIGH or PATTERN=HIGH, such as '*.junction=-40..105'; may be repeated.")
+    ] = [],  # noqa: B006
+    vacuum: Vacuum = False,
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    accept: Accept = None,
+    as_json: Json = False,
+) -> None:
+    """Print where a model settles: temperatures with margins, sorted; with --flows where its heat goes."""
+    model = fitted_model(deck, values, keep_values, param)
+    standing = model_standing(model).accept(accept or ())
+    limits = {pattern: _ends(text, pattern) for pattern, text in pairs(limit, "--limit").items()}
+    conditions = scenario_of(scenario, boundary, load, None, None, vacuum)
+    found = steady(model, conditions, when if when in ("mean", "periodic") else with_unit(when, "s"))
+    rows = margins(found.lowest, found.highest, limits)
+    heat = found.heat
+    groups = heat.grouped(pairs(group, "--group")) if heat is not None else {}
+    first, hottest = rows[0], max(rows, key=lambda m: m.highest)
+    least = f", least margin {first.margin:.2f} K at {first.node}" if np.isfinite(first.margin) else ""
+    head = f"{model.title}, steady, {found.held}: hottest {hottest.node} {hottest.highest - ICE_POINT:.2f} degC{least}"
+    lines = [standing.over(head), *(f"  warning: {r}" for r in found.remarks), *margin_lines(rows)]
+    lines += heat.lines(groups) if flows and heat is not None else []
+    nodes = {
+        m.node: {"C": found[m.node] - ICE_POINT, "lowest_C": m.lowest - ICE_POINT, "highest_C": m.highest - ICE_POINT}
+        | ({"margin_K": m.margin} if np.isfinite(m.margin) else {})
+        for m in rows
+    }
+    content = {"held": found.held, "warnings": list(found.remarks), "nodes": nodes, "standing": standing.to_dict()}
+    say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines))
+    leave(standing)
+
+
+def _ends(text: str, pattern: str) -> tuple[float, float]:
+    """Return limits written LOW..HIGH, or HIGH alone. [K]"""
+    low, dots, high = text.rpartition("..")
+    where = f"--limit {pattern}"
+    ends = (
+        literal(with_unit(low.strip(), "degC"), "temperature", where) if dots and low.strip() else -np.inf,
+        literal(with_unit(high.strip(), "degC"), "temperature", where) if high.strip() else np.inf,
+    )
+    if not ends[0] < ends[1]:
+        raise ScenarioError("the lower limit is not below the upper one.", where)
+    return ends
+
+
 def diagram(
     deck: Deck,
     to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
@@ -140,8 +210,7 @@ def diagram(
 def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
     """Print the JSON Schema of a file, for editors."""
     schemas = {"deck": deck_schema, "campaign": campaign_schema}
-    if kind not in schemas:
-        raise DeckError(f"there is no schema '{kind}'.{nearest(kind, schemas)} There are deck and campaign.")
+    refuse_unknown([kind], schemas, "", "there is no schema '{}'.{near} There are deck and campaign.", DeckError)
     typer.echo(json.dumps(schemas[kind](), indent=2))
 
 

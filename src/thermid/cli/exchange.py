@@ -29,13 +29,14 @@ from thermid.cli.options import (
     say,
     scenario_of,
 )
-from thermid.errors import DeckError, OutputError, nearest
+from thermid.errors import DeckError, OutputError, refuse_unknown
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
 from thermid.interop.decks.sinda import read_sinda
+from thermid.interop.decks.written import to_esatan, to_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
@@ -162,7 +163,9 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
 
 def export(
     deck: Deck,
-    form: Annotated[str, typer.Option("--as", help="octave (a function file for Octave and MATLAB) or spice (a netlist).")] = "octave",
+    form: Annotated[
+        str, typer.Option("--as", help="octave (a function, also for MATLAB), spice (a netlist), sinda or esatan (a deck).")
+    ] = "octave",
     to: To = None,
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
@@ -178,17 +181,17 @@ def export(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Write a model in a scenario for another tool: an Octave or MATLAB function, or a SPICE netlist."""
-    forms = ("octave", "spice")
-    if form not in forms:
-        raise DeckError(f"a model is not written as '{form}'.{nearest(form, forms)} There are {' and '.join(forms)}.", "--as")
+    """Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN."""
+    forms = ("octave", "spice", "sinda", "esatan")
+    refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
-    text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else to_spice(model, conditions)
+    writers = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}
+    text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else writers[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
         typer.echo(standing.line(), err=True)  # what is written is for another tool to read
-    _say(text, to, as_json, EXPORT, "%" if form == "octave" else "*", standing=standing.to_dict())
+    _say(text, to, as_json, EXPORT, {"octave": "%", "spice": "*", "sinda": "C", "esatan": "#"}[form], standing=standing.to_dict())
     leave(standing)
 
 
@@ -202,8 +205,7 @@ def equations(
 ) -> None:
     """Derive the state equations of a linear model as symbols (needs sympy)."""
     forms = ("text", "latex", "python", "octave")
-    if form not in forms:
-        raise DeckError(f"equations are not written as '{form}'.{nearest(form, forms)} There are {', '.join(forms)}.", "--as")
+    refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
     system = derive.equations(load_model(deck), pairs(name, "--name"))
     text = f"{system}\n" if form == "text" else str(getattr(system, form)())
     _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import typer
 
 from thermid.campaign import credibility as origins
 from thermid.campaign.cache import file_name
-from thermid.campaign.file import read_campaign
+from thermid.campaign.file import local_of, read_campaign, scenario_of
 from thermid.campaign.retune import plan_retune
-from thermid.campaign.stages import Campaign, run_stages
+from thermid.campaign.stages import Campaign, plain_readings, run_stages
 from thermid.campaign.survey import survey
 from thermid.cli.options import (
     Accept,
@@ -31,15 +33,22 @@ from thermid.cli.options import (
     Vacuum,
     leave,
     moments,
+    pairs,
     ready,
     say,
+    with_unit,
     writable,
     written,
 )
 from thermid.errors import ScenarioError, SolverError
+from thermid.estimation.estimate import estimated
 from thermid.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import LocalSpec
+from thermid.model.laws.signal import literal
 from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
+from thermid.prediction.records import predict_record
 from thermid.reporting.pages import campaign as page
 from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pictures.trust import check_ending, picture
@@ -49,8 +58,29 @@ Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values f
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
 
 
-class FitProgress:
-    """A line on standard error once a fit takes over two seconds."""
+class ProgressLine:
+    """A line on standard error: a terminal writes each text over the last one and clears it at the end, a file gets the fresh ones."""
+
+    shown = False
+
+    def show(self, text: str, fresh: bool = True) -> None:
+        """Show a text."""
+        self.shown = sys.stderr.isatty()
+        if self.shown or fresh:
+            typer.echo(f"\r\x1b[2K{text}" if self.shown else text, nl=not self.shown, err=True)
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Clear the line."""
+        if self.shown:
+            typer.echo("\r\x1b[2K", nl=False, err=True)
+
+
+class FitProgress(ProgressLine):
+    """How far a fit is, once it takes over two seconds."""
 
     def __init__(self) -> None:
         self._begun = time.monotonic()
@@ -58,26 +88,12 @@ class FitProgress:
         self._last = ""
 
     def __call__(self, stage: str, count: int, rms: float) -> None:
-        """Say how far a stage is."""
+        """Show how far a stage is."""
         now = time.monotonic()
         if now - self._begun < 2.0 or (now - self._shown < 0.5 and stage == self._last):
             return
-        self._shown, fresh = now, stage != self._last
-        self._last = stage
-        text = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
-        if sys.stderr.isatty():
-            typer.echo(f"\r\x1b[2K{text}", nl=False, err=True)
-        elif fresh:
-            typer.echo(text, err=True)
-
-    def __enter__(self) -> FitProgress:
-        """Begin."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Leave the line."""
-        if self._last and sys.stderr.isatty():
-            typer.echo("\r\x1b[2K", nl=False, err=True)
+        self.show(f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage, stage != self._last)
+        self._shown, self._last = now, stage
 
 
 def _run(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
@@ -149,6 +165,28 @@ def identify(
     say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text)
 
 
+def estimate(
+    campaign: CampaignPath,
+    noise: Annotated[
+        list[str], typer.Option("--noise", help="What drives the model: wall=free, or wall='2e-3 [K/s^0.5]'; a node, load or boundary.")
+    ],
+    stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
+    start: Annotated[list[str], typer.Option("--start-sd", help="NODE=DEVIATION of a start, such as wall='0.1 [K]'.")] = [],  # noqa: B006
+    horizon: Annotated[
+        str, typer.Option("--horizon", help="Over which left-out readings are foreseen; a fifth of the log by default.")
+    ] = "",
+    data: Data = None,
+    results: Results = None,
+    as_json: Json = False,
+) -> None:
+    """Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon."""
+    result = run_stages(campaign, data=data, cache=results or campaign.parent / "results")
+    request = result.requests[result[stage].stage if stage else list(result)[-1]]
+    found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
+    say(as_json, found.as_object(), found)
+    raise SystemExit(0 if found.chosen.maximum.converged else 1)
+
+
 def credibility(
     campaign: CampaignPath,
     data: Data = None,
@@ -200,6 +238,9 @@ def predict(
     campaign: CampaignPath,
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
+    record: Annotated[
+        list[str], typer.Option("--record", help="A logged run of the campaign in place of a scenario, or a pattern; may be repeated.")
+    ] = [],  # noqa: B006
     spread: Annotated[
         list[str],
         typer.Option("--spread", help="NAME=SPREAD of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
@@ -215,12 +256,15 @@ def predict(
     as_json: Json = False,
 ) -> None:
     """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
-    if scenario is None:
-        raise ScenarioError("a prediction needs a scenario: --scenario FILE.", "command line")
-    conditions = load_scenario(scenario)
+    if (scenario is None) == (not record):
+        raise ScenarioError("a prediction needs a scenario, --scenario FILE, or a logged run, --record NAME; one of both.", "command line")
+    conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
     stages = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results", accept=accept or ())
     name = stage or list(stages)[-1]
+    if conditions is None:
+        _predict_records(campaign, data, stages[name], name, record, as_json)
+        return
     predicted = prediction.predict(stages[name], conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
     times = moments(at, conditions.seconds)
     if csv is not None:
@@ -228,6 +272,39 @@ def predict(
     lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
     say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines))
     leave(predicted.standing)
+
+
+def _predict_records(campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool) -> None:
+    """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
+    source = read_campaign(campaign, data)
+    stage = next(s for s in source.content.stages if s.name == name)
+    told = []
+    for run in source.pick(patterns, "--record"):
+        verdict = next((v for v in source.content.verdicts if v.model == name and run in source.pick([v.record], "verdicts")), None)
+        own = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
+        given = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
+        readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
+        local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | own
+        told.append(
+            predict_record(
+                fit,
+                source.bound(run, stage),
+                scenario=scenario_of(given, run),
+                local=local,
+                readings=plain_readings(readings),
+                window=literal(stage.window, "s", "window"),
+            )
+        )
+    lines = [str(t) for t in told]
+    if len(told) > 1:
+        lines.append(f"{len(told)} runs: {100 * sum(t.inside() for t in told) / len(told):.0f} % of the readings inside their 95 % bands")
+    say(as_json, {"stage": name, "records": [t.to_dict() for t in told]}, "\n".join(lines))
+    leave(fit.standing)
+
+
+def _as_table(spec: LocalSpec) -> dict[str, str]:
+    """Return a value that each record has for itself as a table."""
+    return {"start": spec.start} | ({"sd": f"{spec.sd} [K]"} if math.isfinite(spec.sd) else {})
 
 
 def _spreads(texts: list[str]) -> dict[str, Any]:
@@ -262,14 +339,12 @@ def hold(
     writable((None if figure is None else check_ending(figure), PICTURE))
     asked = load_hold(question)
     folder = to if to is not None else question.parent / "results"
-    progress = MemberProgress()
-    try:
-        _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
-    except KeyboardInterrupt:
-        done = f"interrupted with {progress.done} of {progress.members} members done"
-        raise SolverError(f"{done}. The same command goes on from there.") from None
-    finally:
-        progress.end()
+    with MemberProgress() as progress:
+        try:
+            _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
+        except KeyboardInterrupt:
+            done = f"interrupted with {progress.done} of {progress.members} members done"
+            raise SolverError(f"{done}. The same command goes on from there.") from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
         picture(answer, figure)
@@ -277,27 +352,18 @@ def hold(
     leave(answer.standing)
 
 
-class MemberProgress:
-    """Members done and time left, on standard error."""
+class MemberProgress(ProgressLine):
+    """Members done and time left."""
 
     def __init__(self) -> None:
         self.done, self.members = 0, 0
         self._begun, self._at = time.monotonic(), -1
 
     def __call__(self, done: int, members: int) -> None:
-        """Say how many members are done."""
+        """Show how many members are done."""
         if self._at < 0:
             self._at = done  # what the folder held took no time
         spent = time.monotonic() - self._begun
         left = f", {spent * (members - done) / (done - self._at):.0f} s left" if self._at < done < members else ""
         self.done, self.members = done, members
-        text = f"{done} of {members} members{left}"
-        if sys.stderr.isatty():
-            typer.echo(f"\r\x1b[2K{text}", nl=False, err=True)
-        else:
-            typer.echo(text, err=True)
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self.members and sys.stderr.isatty():
-            typer.echo("", err=True)
+        self.show(f"{done} of {members} members{left}")

@@ -18,6 +18,7 @@ from thermid.measure.amounts import short
 from thermid.measure.record.steadiness import SteadyPoint, SteadyValue
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
+from thermid.network.controls import refuse_controllers
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
@@ -210,7 +211,9 @@ class _Case:
         wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
-        flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in at.items()}, zero)
+        refuse_controllers(self.network.flat.controls, self.network.controls, "an energy balance at one instant")
+        known = {n: np.array([t]) for n, t in at.items()}
+        flows = wiring.conductor_flows(a.numbers, known, zero, wiring.shares(a.numbers, known.__getitem__, zero))
         columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
         powers = {name: float(p[0]) for name, p in engine.powers(a, columns, zero).items()}
         rows = {row.name: row for row in a.numbers.conductors}

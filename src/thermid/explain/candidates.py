@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,9 +13,12 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import Experiment
+from thermid.fit.problem.experiment import MEASURED, Experiment, first_reading
 from thermid.fit.problem.request import LocalSpec, Request
+from thermid.fit.problem.residuals import Problem
+from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
+from thermid.model.laws.curves import Curve
 from thermid.model.parts.elements import Conductor, HeatLoad, Node
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
@@ -33,8 +38,8 @@ KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
 loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
 between groups of like evidence."""
 ADDED = "suspected_link_"
-Judge = Callable[[Calibration], tuple[str, bool]]
-"""What was found, in words, and whether it is physically possible."""
+Judge = Callable[[Any], tuple[str, bool]]
+"""Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
 SENSOR_LAG = (0.5, 600.0)
 """Time constants of a sensor on or in a metal part, from a bare thermocouple to a probe in a pocket. [s]"""
 NATURAL = (0.2, 6.0)
@@ -42,6 +47,14 @@ NATURAL = (0.2, 6.0)
 Transmission, 3rd ed., chapter 7). [W/(m^2 K^1.25)]"""
 GROWTH = (0.0, 0.02)
 """Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
+TIP = 0.1
+"""A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
+SMALL = 0.05
+"""Part of what a part loses already that a new way of its heat begins with. [-]"""
+MOST_PLACES = 6
+"""Places of a network that are looked at for changes: the observed ones first."""
+PACES = (0.03, 0.2, 1.0, 5.0)
+"""Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
 
 
 @dataclass(frozen=True)
@@ -171,198 +184,524 @@ def _masses(network: Network, held: Mapping[str, float]) -> Iterator[tuple[str, 
 
 @dataclass(frozen=True, eq=False)
 class MissingElement:
-    """One element laid over a model.
+    """One change of structure, laid over a model: an element that it lacks.
 
     Parameters
     ----------
     name : str          What it is, in words.
     request : Request   The fit with it.
     judge : callable    Says what was found and whether it is possible.
+    make : callable     Lays it over another request of the same model, so that several are tried together.
+    nodes : int         Masses that it adds; that of a sensor that lags is one.
+    starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
+    additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     """
 
     name: str
     request: Request
     judge: Judge
+    make: Callable[[Request], Request]
+    nodes: int = 0
+    starts: tuple[Mapping[str, float], ...] = ()
+    additive: bool = False
+
+    def beside(self, other: MissingElement) -> MissingElement:
+        """Return both changes as one."""
+
+        def judge(found: Any) -> tuple[str, bool]:
+            said = [one.judge(found) for one in (self, other)]
+            return "; ".join(text for text, _ in said), all(possible for _, possible in said)
+
+        def make(request: Request) -> Request:
+            return other.make(self.make(request))
+
+        first = [*self.starts] or [{}]
+        starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
+        nodes, additive = self.nodes + other.nodes, self.additive and other.additive
+        return MissingElement(f"{self.name}, and {other.name}", other.make(self.request), judge, make, nodes, starts, additive)
 
 
 @dataclass(frozen=True)
 class _Place:
-    """An observed node with what a candidate must know of it."""
+    """A node with what a change there must know of it."""
 
     node: str
     channels: tuple[str, ...]
     capacity: float
+    loss: float
     boundary: str
     area: float
     rise: float
     load: str
     power: float
 
+    @property
+    def word(self) -> str:
+        """Its path as part of a name."""
+        return _word(self.node)
+
+    @property
+    def pace(self) -> float:
+        """Its own time constant. [s]"""
+        return self.capacity / self.loss if self.loss > 0 else 600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit as far as changes of its structure must know it.
+
+    Parameters
+    ----------
+    request : Request       What was asked; its model may be linked from outside at every node.
+    experiments : tuple     Its records, bound to the model.
+    values : dict           Path -> value of what was fitted. [SI]
+    rises : dict            Node -> range of its predicted temperature. [K]
+    """
+
+    request: Request
+    experiments: tuple[Experiment, ...]
+    values: Mapping[str, float]
+    rises: Mapping[str, float]
+
+    @classmethod
+    def of(cls, fit: Calibration, request: Request) -> Fitted:
+        """Return that of a calibration."""
+        values = {p: float(v.value) for p, v in fit.values.assignments.items()}
+        rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in fit.blocks}
+        return cls(replace(request, model=laid_open(request.model)), fit.experiments, values, rises)
+
+    @classmethod
+    def of_problem(cls, request: Request, problem: Problem, fitted: Array) -> Fitted:
+        """Return that of a problem at some values of its unknowns, in their fitted form."""
+        values = {
+            path: u.to_value(float(x))
+            for u, x in zip(problem.unknowns, fitted, strict=True)
+            for path in (u.name, *u.also)
+            if u.kind == "parameter"
+        }
+        rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in problem.blocks(fitted)}
+        return cls(replace(request, model=laid_open(request.model)), problem.experiments, values, rises)
+
 
 def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
-    """Missing elements that are worth a refit, for every observed node with a heat capacity."""
-    numbers = {e.record.name: e for e in fit.experiments}
-    for place in _places(fit, next(iter(numbers.values()))):
-        yield _lag(request, place)
-        yield MissingElement(f"a second mass behind a resistance at '{place.node}'", *_second(request, place, "hidden_mass"))
-        if place.load in request.model.loads:
-            yield _source(request, place)
+    """Missing elements that are worth a refit, for every observed node with a heat capacity and every node behind a sensor."""
+    seen = Fitted.of(fit, request)
+    for place in _places(seen):
+        yield from _at_a_place(seen, place)
+
+
+def changes_of(seen: Fitted) -> Iterator[MissingElement]:
+    """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
+    places = _places(seen)
+    for place in places:
+        yield from _at_a_place(seen, place)
         if place.boundary:
-            yield _steeper(request, place)
-            yield _radiation(request, place)
-        if place.load:
-            yield _growing(request, place)
+            shell = _shell(seen.request, place)
+            yield shell
+            if place.load in seen.request.model.loads:
+                yield _source(seen.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
+            yield _one_way(seen.request, place, place.boundary, f"'{place.boundary}'")
+    network = seen.experiments[0].network
+    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
+    for a, b in itertools.combinations(places, 2):
+        if frozenset((a.node, b.node)) not in joined:
+            yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
+        else:
+            yield _one_way(seen.request, a, b.node, f"'{b.node}'")
+    for place in _places(seen, hidden=True):
+        yield _second(seen.request, place, "hidden_mass")
+    yield from _of_hidden(seen, places)
+    yield from _alike(seen, places)
+    if len(places) > 1:
+        shared = _shared(seen.request, places)
+        yield shared
+        for place in places:
+            if place.load in seen.request.model.loads:
+                yield _source(seen.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
+    yield from _late(seen.request)
 
 
-def _places(fit: Calibration, experiment: Experiment) -> list[_Place]:
-    network = experiment.network
-    numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items() if p in network.flat.parameters.table})
+def _at_a_place(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
+    request = seen.request
+    if place.channels:
+        yield _lag(request, place)
+    yield _second(request, place, "hidden_mass")
+    if place.load in request.model.loads:
+        yield _source(request, place, _second(request, place, "inner_mass"), f"an inner mass that takes the heat of '{place.load}'")
+    if place.boundary:
+        yield _steeper(request, place)
+        yield _radiation(request, place)
+    if place.load:
+        yield _growing(request, place)
+
+
+def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+    """Yield one change at all places together: parts of one kind have sensors, surfaces and powers of one kind."""
+    request = seen.request
+    kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
+        ("a lag of every sensor", _lag, [p for p in places if p.channels]),
+        ("radiation of every part", _radiation, [p for p in places if p.boundary]),
+        ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper, [p for p in places if p.boundary]),
+        ("powers that grow with temperature", _growing, [p for p in places if p.load]),
+    )
+    for name, change, at in kinds:
+        if len(at) > 1:
+            whole = change(request, at[0])
+            for place in at[1:]:
+                whole = whole.beside(change(request, place))
+            yield replace(whole, name=name)
+
+
+def _places(seen: Fitted, hidden: bool = False) -> list[_Place]:
+    """Return observed masses, and those behind a sensor that is a node of its own in place of it; or the masses that nobody observes."""
+    experiments, flat = seen.experiments, seen.experiments[0].network.flat
+    network = experiments[0].network
+    numbers = network.numbers({p: v for p, v in seen.values.items() if p in flat.parameters.table})
+    held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
     channels: dict[str, list[str]] = {}
-    for e in fit.experiments:
+    for e in experiments:
         for o in e.observations:
-            channels.setdefault(o.seat, [])
-            if o.sensor not in channels[o.seat]:
-                channels[o.seat].append(o.sensor)
-    out = []
-    for node, names in channels.items():
-        capacity = value_of(numbers.capacitances.get(node) or 0.0)
-        if not capacity > 0:
+            known = channels.setdefault(o.seat, [])
+            known += [o.sensor] if o.sensor not in known else []
+    near: dict[str, list[str]] = {}
+    for row in numbers.conductors:
+        for a, b in (row.ends[:2], row.ends[1::-1]):
+            near.setdefault(a, []).append(b)
+    loads = {r.node: r.path for r in flat.loads}
+    watts = {row.name: float(value_of(row.coefficients[0])) for row in numbers.loads}
+    skins = [c for c in flat.conductors if c.kind in ("convection", "effective") and "area" in c.fields]
+    strength = _strengths(numbers.conductors)
+    out: dict[str, _Place] = {}
+    for node in (n for n in (held if hidden else channels) if n in held):
+        if hidden and (node in channels or any(c in channels and len(near.get(c, [])) == 1 for c in near.get(node, []))):
             continue
-        ends = [row.ends for row in numbers.conductors if node in row.ends]
-        boundary = next((b for pair in ends for b in pair if b in network.boundaries), "")
-        values = numbers.values
-        skins = [c for c in network.flat.conductors if node in c.ends and c.kind in ("convection", "effective") and "area" in c.fields]
-        area = sum(float(value_of(values[c.fields["area"]])) for c in skins)
-        load = next((r.path for r in network.flat.loads if r.node == node), "")
-        power = next((float(value_of(row.coefficients[0])) for row in numbers.loads if row.name == load), 0.0)
-        block = next(b for b in fit.blocks if b.node == node)
-        rise = max(float(block.predicted.max() - block.predicted.min()), 1e-3)
-        out.append(_Place(node, tuple(names), capacity, boundary, area, rise, load, power))
+        beside = near.get(node, [])
+        tip = len(beside) == 1 and node not in loads and held[node] < TIP * held.get(beside[0], 0.0)
+        seat = beside[0] if tip else node
+        if seat in out:
+            continue
+        around = near.get(seat, [])
+        boundary = next((b for b in around if b in network.boundaries), "")
+        area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if seat in c.ends)
+        # a sensor that is a node of its own lags already
+        own, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
+        rise = max(seen.rises.get(node, 1.0), 1e-3)
+        out[seat] = _Place(seat, own, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
+    return list(out.values())[:MOST_PLACES]
+
+
+def _of_hidden(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+    """Yield contacts of masses that no sensor observes, and of sensors that are nodes, with the parts and with the surroundings."""
+    network = seen.experiments[0].network
+    numbers = network.numbers({p: v for p, v in seen.values.items() if p in network.flat.parameters.table})
+    strength = _strengths(numbers.conductors)
+    known = {p.node for p in places}
+    hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in known]
+    joined = {frozenset(row.ends[:2]) for row in numbers.conductors}
+    ends = [*(p.node for p in places), *network.boundaries, *hidden]
+    for k, node in enumerate(hidden[:MOST_PLACES]):
+        for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
+            yield _linked(seen.request, node, other, SMALL * (strength.get(node) or 1.0))
+
+
+def _strengths(rows: Sequence[Any]) -> dict[str, float]:
+    """Return node -> sum of the constant conductances that end at it. [W/K]"""
+    out: dict[str, float] = {}
+    for row in rows:
+        size = abs(float(value_of(row.coefficients[0]))) if row.coefficients else 0.0
+        for n in row.ends:
+            out[n] = out.get(n, 0.0) + (size if math.isfinite(size) else 0.0)
     return out
 
 
-def _with(request: Request, name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Request:
-    """Return a request whose model has more elements."""
-    model: Model = request.model
-    changes: dict[str, Any] = {t: {**getattr(model, t), **more} for t, more in tables.items()}
-    grown: Model = replace(model, **changes)
-    return replace(request, model=grown, free=(*request.free, *free), name=f"{request.name or model.title} with {name}")
+def _amount(value: float, unit: str, name: str) -> Any:
+    """Return a new value to be fitted."""
+    return parameter(f"{value!r} [{unit}]", name)
 
 
-def _started(request: Request, node: str, place: _Place) -> Request:
-    """Return a request in which a node that nobody observes starts at the first reading beside it, where nothing else says how."""
-    scenarios = {}
+def _word(path: str) -> str:
+    """Return a path as part of a name."""
+    return re.sub(r"[^0-9A-Za-z_]", "_", path)
+
+
+def _free_name(request: Request, name: str) -> str:
+    """Return a name that no element of a model has."""
+    taken = {*request.model.nodes, *request.model.conductors, *request.model.loads, *request.model.parameters, *request.model.needs}
+    return next(n for n in (name, *(f"{name}_{k}" for k in range(2, 99))) if n not in taken)
+
+
+def _adding(name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Callable[[Request], Request]:
+    """Return what lays more elements over the model of a request and frees some of their values."""
+
+    def make(request: Request) -> Request:
+        model: Model = laid_open(request.model)
+        changes: dict[str, Any] = {t: {**getattr(model, t), **more} for t, more in tables.items()}
+        grown: Model = replace(model, **changes)
+        return replace(request, model=grown, free=(*request.free, *free), name=f"{request.name or model.title} with {name}")
+
+    return make
+
+
+def _started(request: Request, node: str, channels: Sequence[str]) -> Request:
+    """Return a request in which a new node starts beside the readings there, where nothing else says how.
+
+    Where records begin at a given temperature, and not at rest, the new node has a start of its own in each: about the mean of the first
+    readings, within half their range.
+    """
+    scenarios = dict(request.scenarios)
+    local = {name: dict(table) for name, table in request.record_local.items()}
     for r in request.records:
         base = request.scenarios.get(r.name, request.scenarios.get("*"))
         base = base or Scenario(r.name)
-        own = next((c for c in place.channels if c in r.channels), "")
-        loose = base.start in ("", "measured") and own
-        scenarios[r.name] = base.with_(initial={node: own}) if loose else base
-    return replace(request, scenarios=scenarios)
+        own = next((c for c in channels if c in r.channels), "")
+        if base.start in ("", MEASURED):
+            scenarios[r.name] = base.with_(initial={node: own}) if own and len(channels) == 1 else base
+            continue
+        first = [
+            first_reading(r, c, request.window) for c in r.channels if r[c].role in ("auto", "node") and r[c].quantity == "temperature"
+        ]
+        if len(first) > 1 and np.ptp(first) > 3.0:
+            low = f"{float(min(first))!r} [K]"
+            local.setdefault(r.name, {})[f"initial.{node}"] = LocalSpec(low, max(0.5 * float(np.ptp(first)), 1.0))
+    return replace(request, scenarios=scenarios, record_local=local)
 
 
 def _lag(request: Request, place: _Place) -> MissingElement:
-    name, link = "lagging_sensor", "lagging_sensor_fit"
+    name = _free_name(request, f"{place.word}_sensor")
+    link = f"{name}_fit"
     held = 1e-3 * place.capacity
-    tables: dict[str, Mapping[str, Any]] = {
-        "nodes": {name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
-        "conductors": {
-            link: Conductor("conduction", (place.node, name), {"conductance": parameter(f"{held / 30.0!r} [W/K]", link)}),
-        },
-    }
     free = f"{link}.conductance"
-    made = _with(request, "a lag of the sensor", (free,), **tables)
-    records = tuple(
-        r.with_channels(*(replace(c, target=name, role="node") for n, c in r.channels.items() if n in place.channels))
-        for r in request.records
+    grow = _adding(
+        "a lag of the sensor",
+        (free,),
+        nodes={name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
+        conductors={link: Conductor("conduction", (place.node, name), {"conductance": _amount(held / 30.0, "W/K", link)})},
     )
-    made = replace(made, records=records)
-    bases = (request.scenarios.get(r.name, request.scenarios.get("*")) for r in request.records)
-    if all(base is None or base.start in ("", "measured") for base in bases):
-        made = replace(made, local={**made.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
 
-    def judge(found: Calibration) -> tuple[str, bool]:
+    def make(request: Request) -> Request:
+        made = grow(request)
+        records = tuple(
+            r.with_channels(*(replace(c, target=name, role="node") for n, c in r.channels.items() if n in place.channels))
+            for r in request.records
+        )
+        made = replace(made, records=records)
+        bases = (request.scenarios.get(r.name, request.scenarios.get("*")) for r in request.records)
+        if all(base is None or base.start in ("", MEASURED) for base in bases):
+            return replace(made, local={**made.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
+        own = {n: {**b.initial, name: b.initial[place.node]} for n, b in request.scenarios.items() if place.node in b.initial}
+        return replace(made, scenarios={n: b.with_(initial=own[n]) if n in own else b for n, b in request.scenarios.items()})
+
+    def judge(found: Any) -> tuple[str, bool]:
         tau = held / found[free].value
         low, high = SENSOR_LAG
         return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
 
-    return MissingElement(f"a lag of the sensor at '{place.node}'", made, judge)
+    starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
+    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, starts)
 
 
-def _source(request: Request, place: _Place) -> MissingElement:
-    """The heat enters a second mass inside, not the part that is measured."""
-    made, judge = _second(request, place, "inner_mass")
-    model = made.model
-    moved = replace(model, loads={**model.loads, place.load: replace(model.loads[place.load], into="inner_mass")})
-    return MissingElement(f"an inner mass that takes the heat of '{place.load}'", replace(made, model=moved), judge)
+def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
+    """The heat enters a new mass, not the part that is measured."""
+    node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
+
+    def make(request: Request) -> Request:
+        made = mass.make(request)
+        model = made.model
+        moved = replace(model.loads[place.load], into=node)
+        return replace(made, model=replace(model, loads={**model.loads, place.load: moved}))
+
+    return replace(mass, name=name, request=make(request), make=make)
 
 
-def _second(request: Request, place: _Place, name: str) -> tuple[Request, Judge]:
-    """Return a request with a mass behind a resistance, and the judge of both."""
+def _second(request: Request, place: _Place, word: str) -> MissingElement:
+    """A mass behind a resistance."""
+    name = _free_name(request, f"{place.word}_{word}")
     held, link = 0.3 * place.capacity, f"{name}_link"
-    tables: dict[str, Mapping[str, Any]] = {
-        "nodes": {name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
-        "conductors": {link: Conductor("conduction", (place.node, name), {"conductance": parameter(f"{held / 300.0!r} [W/K]", link)})},
-    }
     free = (f"{name}.capacitance", f"{link}.conductance")
+    grow = _adding(
+        word.replace("_", " "),
+        free,
+        nodes={name: Node({"capacitance": _amount(held, "J/K", name)})},
+        conductors={link: Conductor("conduction", (place.node, name), {"conductance": _amount(held / 300.0, "W/K", link)})},
+    )
 
-    def judge(found: Calibration) -> tuple[str, bool]:
+    def make(request: Request) -> Request:
+        return _started(grow(request), name, place.channels)
+
+    def judge(found: Any) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
         return text, 0.02 <= held / place.capacity <= 20.0
 
-    return _started(_with(request, name.replace("_", " "), free, **tables), name, place), judge
+    starts = tuple({free[0]: held, free[1]: held / (pace * place.pace)} for pace in PACES)
+    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, starts)
+
+
+def _shell(request: Request, place: _Place) -> MissingElement:
+    """A mass in the way of the heat from a part to its surroundings, which the part reaches past it as well."""
+    name = _free_name(request, f"{place.word}_shell")
+    held, inner, outer = 1.0 * place.capacity, f"{name}_inner", f"{name}_outer"
+    free = (f"{name}.capacitance", f"{inner}.conductance", f"{outer}.conductance")
+    g = place.loss or held / 600.0
+    grow = _adding(
+        "a shell",
+        free,
+        nodes={name: Node({"capacitance": _amount(held, "J/K", name)})},
+        conductors={
+            inner: Conductor("conduction", (place.node, name), {"conductance": _amount(g, "W/K", inner)}),
+            outer: Conductor("conduction", (name, place.boundary), {"conductance": _amount(g, "W/K", outer)}),
+        },
+    )
+
+    def make(request: Request) -> Request:
+        return _started(grow(request), name, ())
+
+    def judge(found: Any) -> tuple[str, bool]:
+        held, inner, outer = (found[p].value for p in free)
+        text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
+        return text, 0.02 <= held / place.capacity <= 200.0
+
+    starts = tuple({free[0]: share * held, free[1]: g, free[2]: g} for share in (0.3, 3.0))
+    title = f"a mass between '{place.node}' and '{place.boundary}'"
+    return MissingElement(title, make(request), judge, make, 1, starts)
+
+
+def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
+    """A mass that all parts stand on, such as a board, with a way of its own to the surroundings."""
+    name = _free_name(request, "common_mass")
+    held, boundary = 3.0 * sum(p.capacity for p in places), next((p.boundary for p in places if p.boundary), "")
+    links = {f"{name}_{p.word}": (p.node, 0.3 * p.loss or p.capacity / 600.0) for p in places}
+    links |= {f"{name}_outside": (boundary, sum(g for _, g in links.values()))} if boundary else {}
+    free = (f"{name}.capacitance", *(f"{link}.conductance" for link in links))
+    grow = _adding(
+        "a common mass",
+        free,
+        nodes={name: Node({"capacitance": _amount(held, "J/K", name)})},
+        conductors={c: Conductor("conduction", (end, name), {"conductance": _amount(g, "W/K", c)}) for c, (end, g) in links.items()},
+    )
+
+    def make(request: Request) -> Request:
+        return _started(grow(request), name, [c for p in places for c in p.channels])
+
+    def judge(found: Any) -> tuple[str, bool]:
+        most = sum(p.capacity for p in places)
+        return f"{short(found[free[0]].value, 3)} J/K", 0.02 <= found[free[0]].value / most <= 200.0
+
+    starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
+    nodes = ", ".join(f"'{p.node}'" for p in places)
+    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, starts)
+
+
+def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
+    """A contact between two nodes that begins with a conductance. [W/K]"""
+    name = _free_name(request, f"{_word(a)}_to_{_word(b)}")
+    free = f"{name}.conductance"
+    make = _adding("a contact", (free,), conductors={name: Conductor("conduction", (a, b), {"conductance": _amount(size, "W/K", name)})})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        return f"{short(found[free].value, 3)} W/K", True
+
+    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, additive=True)
+
+
+def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
+    """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
+    name = _free_name(request, f"{place.word}_outward_{_word(other)}")
+    free = f"{name}.scale"
+    size = SMALL * place.loss or 1e-3
+    # over 1 K about equal temperatures the table goes from nothing to its full conductance
+    curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    make = _adding(
+        "a coupling in one direction",
+        (free,),
+        conductors={name: Conductor("table", (place.node, other), {"scale": parameter({"value": size, "min": 1e-9}, name)}, curve=curve)},
+    )
+
+    def judge(found: Any) -> tuple[str, bool]:
+        return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
+
+    return MissingElement(f"a coupling of '{place.node}' and {words} that depends on direction", make(request), judge, make, additive=True)
+
+
+def _late(request: Request) -> Iterator[MissingElement]:
+    """Yield commands and powers that act later than they are logged, by one to eight samples."""
+    driven = [n for r in request.records for n, c in r.channels.items() if c.role in ("command", "load")]
+    if not driven or not all(r.times.size > 20 for r in request.records):
+        return
+    step = float(np.median(np.diff(request.records[0].times)))
+
+    def later(delay: float) -> Callable[[Request], Request]:
+        def make(request: Request) -> Request:
+            records = []
+            for r in request.records:
+                made = []
+                for c in (c for n, c in r.channels.items() if n in driven):
+                    at = np.maximum(np.searchsorted(r.times, r.times - delay + 1e-9, side="right") - 1, 0)
+                    made.append(replace(c, values=c.values[at], valid=c.valid[at]))
+                records.append(r.with_channels(*made))
+            return replace(request, records=tuple(records), name=f"{request.name or request.model.title} with a delay")
+
+        return make
+
+    for count in (1, 3, 8):
+        make, delay = later(count * step), count * step
+
+        def judge(found: Any, delay: float = delay) -> tuple[str, bool]:
+            return f"{short(delay, 3)} s", True
+
+        yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make)
 
 
 def _steeper(request: Request, place: _Place) -> MissingElement:
-    name, area = "steeper_convection", place.area or 1.0
+    name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
+    size = 0.5 if place.area else SMALL * place.loss or 0.01
     fields = {
-        "htc.coefficient": parameter("0.5 [W/(m^2 K)]" if place.area else "0.01 [W/(m^2 K)]", name),
+        "htc.coefficient": _amount(size, "W/(m^2 K)", name),
         "htc.exponent": parameter("0.25", name),
         "area": parameter(f"{area!r} [m^2]", name),
     }
-    made = _with(
-        request,
-        "h that grows",
-        (f"{name}.htc.coefficient",),
-        conductors={name: Conductor("convection", (place.node, place.boundary), fields)},
-    )
+    free = f"{name}.htc.coefficient"
+    make = _adding("h that grows", (free,), conductors={name: Conductor("convection", (place.node, place.boundary), fields)})
 
-    def judge(found: Calibration) -> tuple[str, bool]:
-        c = found[f"{name}.htc.coefficient"].value
+    def judge(found: Any) -> tuple[str, bool]:
+        c = found[free].value
         share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
         return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
 
-    return MissingElement(f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", made, judge)
+    return MissingElement(
+        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True
+    )
 
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
-    name, area = "radiated", place.area or 0.01
-    fields = {"exchange_factor": parameter({"value": "0.2", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
+    name, area = _free_name(request, f"{place.word}_radiated"), place.area or 0.01
+    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-4), 10.0)
+    fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
-    made = _with(request, "radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
+    make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
 
-    def judge(found: Calibration) -> tuple[str, bool]:
+    def judge(found: Any) -> tuple[str, bool]:
         e = found[free].value
         return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
 
-    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", made, judge)
+    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True)
 
 
 def _growing(request: Request, place: _Place) -> MissingElement:
-    name = "growing_power"
+    name = _free_name(request, f"{place.word}_growing_power")
     start = max(1e-3 * abs(place.power), 1e-5)
     # P (1 + 1/K (T - T_ref)), with T_ref one kelvin above 20 degC, is P/K (T - 20 degC)
     fields = {
-        "power": parameter(f"{start!r} [W]", name),
+        "power": _amount(start, "W", name),
         "temperature_coefficient": parameter("1 [1/K]", name),
         "reference_temperature": parameter("21 [degC]", name),
     }
-    made = _with(request, "power that grows", (f"{name}.power",), loads={name: HeatLoad(place.node, fields)})
+    free = f"{name}.power"
+    make = _adding("power that grows", (free,), loads={name: HeatLoad(place.node, fields)})
 
-    def judge(found: Calibration) -> tuple[str, bool]:
-        growth = found[f"{name}.power"].value
+    def judge(found: Any) -> tuple[str, bool]:
+        growth = found[free].value
         share = growth / abs(place.power) if place.power else float("inf")
         return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
 
-    return MissingElement(f"a power of '{place.load}' that grows with temperature", made, judge)
+    return MissingElement(f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True)

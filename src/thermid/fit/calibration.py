@@ -24,7 +24,7 @@ from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table
 from thermid.renamed import Renamed
-from thermid.units import counted, unit
+from thermid.units import counted, from_si, unit
 
 LOUD = "NOT CREDIBLE: "
 BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
@@ -318,8 +318,7 @@ def _known_lines(store: Store, own: set[str], width: int) -> list[str]:
 
 def _known_line(s: State, store: Store, width: int) -> str:
     """Return a value of another stage, who gave it, and where it does not act."""
-    of = unit(s.unit)
-    value, error = (s.value - float(of.offset)) / float(of.factor), store.error(s.path) / float(of.factor)
+    value, error = from_si(s.value, s.unit), store.error(s.path) / float(unit(s.unit).factor)
     sure = f"   total +- {short(error)}" if np.isfinite(error) and error > 0 else ""
     where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
     how = "tuned by hand" if s.origin.kind == "hand" else "fixed"

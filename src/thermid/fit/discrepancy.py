@@ -21,6 +21,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.regime_runs import regimes_of
+from thermid.fit.regimes import KEY as REGIMES
 from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.fit.uncertainty.stretches import binned
 from thermid.knowledge.values import FittedValues
@@ -128,7 +130,9 @@ def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -
     answer = engine.integrate(a, times, a.reduced.nodes, end, options)
     traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
     known = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    flows = wiring.conductor_flows(a.numbers, known, times)
+    modes = dict(zip(engine.control_names, answer.states(times).T, strict=True))
+    every = {**known, **{n: traces.temperature(n) for n in a.reduced.controllers}}
+    flows = wiring.conductor_flows(a.numbers, known, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
     forms: dict[str, list[str]] = {}
     for row in a.numbers.conductors:
         forms.setdefault(row.name, []).append(row.form if value_of(row.coefficients[0]) else "")
@@ -386,7 +390,9 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     kept = Discrepancy(conditions, means, sizes, names, response[[place[n] for n in names]], misfit, _surfaces(seen), joints)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
+    regimes = regimes_of(fit, misfit)
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
+    provenance |= {REGIMES: regimes.to_dict()} if regimes is not None else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import IdentificationError, SolverError, nearest
+from thermid.errors import IdentificationError, SolverError, refuse_unknown
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.linear_algebra import NOTHING, Array, covariance, finite, pseudo_inverse, sandwich
@@ -360,8 +360,7 @@ def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress:
     IdentificationError     When there is no such search.
     SolverError             When the model cannot be run at the start.
     """
-    if how not in SEARCHES:
-        raise IdentificationError(f"there is no search '{how}'; there are {', '.join(SEARCHES)}.{nearest(how, SEARCHES)}")
+    refuse_unknown([how], SEARCHES, "", "there is no search '{}'; there are {known}.", IdentificationError)
     population = Population.of(problem, loss, loss_scale)
     if not population.at.size or how == "local":
         return minimise(problem, loss, loss_scale, progress=progress)

@@ -14,7 +14,7 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.interop.wired import identifiers
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
@@ -212,10 +212,7 @@ class _Symbols:
         given = {}
         for raw, name in names.items():
             path = model.canonical(raw)
-            if path not in (*rows, *places, *loads):
-                raise NameNotFoundError(
-                    f"no conductor, node or load '{raw}' to name.{nearest(path, (*rows, *places, *loads))}", model.title
-                )
+            refuse_unknown([path], (*rows, *places, *loads), model.title, f"no conductor, node or load '{raw}' to name.", NameNotFoundError)
             if not re.fullmatch(r"[A-Za-z]\w*", name):
                 raise ThermidError(f"'{name}' is no symbol: letters, digits and _, beginning with a letter.", model.title)
             given[path] = name
@@ -241,6 +238,7 @@ class _Derivation:
         crooked = [(r.name, r.form) for r in self.numbers.conductors if r.form != "linear" or r.signal]
         crooked += [(r.name, r.control or r.form) for r in self.numbers.loads if not r.fixed]
         crooked += [(node, "a specific heat that changes") for node in network.stores]
+        crooked += [(name, "a control") for name in network.controls]
         if crooked:
             raise DeckError(
                 f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title

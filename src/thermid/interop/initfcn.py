@@ -20,7 +20,7 @@ from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError
 from thermid.expression import parse
 from thermid.files import read_text
 from thermid.model.parts.parameter import Parameter, parameter
-from thermid.units import DIMENSIONLESS, Dimension, describe, unit
+from thermid.units import DIMENSIONLESS, Dimension, describe, in_si, unit
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 _LONGEST = 1_000_000
@@ -164,7 +164,7 @@ class _Reader:
             )
             return plain, f"{s.written} in the script"
         wanted = unit(of)
-        si = number * float(wanted.factor) + float(wanted.offset)
+        si = in_si(number, wanted)
         if derived is not None and derived[0] == wanted.dimension and _close(derived[1], si):
             return s.text, ""
         if derived is not None and DIMENSIONLESS not in [self.dimensions[n] for n in names]:

@@ -14,6 +14,7 @@ from thermid.model.laws.curves import Curve, slopes, whole
 from thermid.model.laws.signal import Constant, Drawn, TableSignal
 from thermid.model.parts.kinds import HINGES
 from thermid.model.tree.model import Model
+from thermid.network.controls import refuse_controls
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import SMOOTHING, ConductorRow
 from thermid.network.streams import signal_of
@@ -108,6 +109,7 @@ def wired(model: Model, scenario: Scenario, what: str) -> Wired:
     if scenario.seconds <= 0:
         raise ScenarioError('an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', scenario.title)
     network = network_for(model, scenario)
+    refuse_controls(network.controls, what, "Export the model without it, or one run for each share.")
     wiring = Wiring(network, scenario)
     numbers = wiring.flowing(with_formulas(network), {})
     for row in numbers.conductors:

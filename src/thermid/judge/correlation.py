@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, NameNotFoundError, RecordError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
@@ -139,8 +139,7 @@ class Exclusions:
         IdentificationError   Which, and how many may be left out.
         """
         for sensor, reason in self.reasons.items():
-            if sensor not in sensors:
-                raise IdentificationError(f"'{sensor}' is excluded, but is no sensor here.{nearest(sensor, sensors)}", "exclusions")
+            refuse_unknown([sensor], sensors, "exclusions", "'{}' is excluded, but is no sensor here.", IdentificationError)
             if not reason.strip():
                 raise IdentificationError(f"'{sensor}' is excluded without a reason. Say what is wrong with it.", "exclusions")
         if len(self.reasons) > self.cap * len(sensors) + 1e-9:
@@ -262,11 +261,8 @@ def correlate(
         if sensor not in sensors or not weight > 0:
             raise IdentificationError(f"'{sensor}' has weight {weight:g}: a weight is above zero and belongs to a sensor.", title)
     windows = {case: tuple(stretches) for case, stretches in (steady or {}).items()}
-    for case in windows:
-        if case not in {o.case for o in pairs}:
-            raise IdentificationError(
-                f"settled stretches are given for '{case}', of which there is no log.{nearest(case, [o.case for o in pairs])}", title
-            )
+    unread = "settled stretches are given for '{}', of which there is no log."
+    refuse_unknown(windows, [o.case for o in pairs], title, unread, IdentificationError)
     deviations = []
     for o in pairs:
         weight, reason = (weights or {}).get(o.sensor, 1.0), left_out.reasons.get(o.sensor, "")
@@ -281,9 +277,7 @@ def correlate(
 def _named(criteria: str | Criteria) -> Criteria:
     if isinstance(criteria, Criteria):
         return criteria
-    if criteria not in CRITERIA:
-        raise NameNotFoundError(f"no criteria '{criteria}'; there are {listed(list(CRITERIA))}.{nearest(criteria, CRITERIA)}", "criteria")
-    return CRITERIA[criteria]
+    return look_up(criteria, CRITERIA, f"no criteria '{{}}'; there are {listed(list(CRITERIA))}.", "criteria")
 
 
 def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str) -> Deviation:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, ScenarioError, nearest
+from thermid.errors import IdentificationError, ScenarioError, refuse_unknown
 from thermid.judge.metrics import METRICS, Residuals, metric, metric_keys
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
@@ -78,9 +78,7 @@ class Criteria:
             raise ScenarioError(f"a set of criteria needs a limit above zero: {', '.join(known_criteria())}.", place)
         if not isinstance(share, int | float) or not 0 < share <= 1:
             raise ScenarioError(f"the share of sensors that must meet a limit lies above 0 and up to 1, not at {share}.", place)
-        for kind in kinds or ("",):
-            if kind not in KINDS:
-                raise ScenarioError(f"criteria apply to steady or transient cases, not to '{kind}'.{nearest(kind, KINDS)}", place)
+        refuse_unknown(kinds or ("",), KINDS, place, "criteria apply to steady or transient cases, not to '{}'.", ScenarioError)
         fields = {
             "name": name,
             "limits": common,
@@ -98,9 +96,7 @@ class Criteria:
     def read(cls, table: Mapping[str, Any], where: str, name: str = "") -> Criteria:
         """Criteria from a table of a plan, which gives them a name, or of a verdict of a campaign, which has `sensors`."""
         known = (*known_criteria(), *(PLAIN if name else ("sensors",)))
-        for key in table:
-            if key not in known:
-                raise ScenarioError(f"there is no criterion '{key}'.{nearest(key, known)}", where)
+        refuse_unknown(table, known, where, "there is no criterion '{}'.", ScenarioError)
         fields = {k: table[k] for k in PLAIN if k in table}
         limits = _parsed({k: v for k, v in table.items() if k not in (*PLAIN, "sensors")}, where)
         sensor_limits = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.judge.metrics import Residuals, rmse
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
@@ -77,9 +77,7 @@ def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[st
     after = simulate(new, scenario, times=before.times)
     both = [n for n in before.nodes if n in after.nodes]
     asked = [old.canonical(n) for n in nodes] or both
-    for n in asked:
-        if n not in both:
-            raise NameNotFoundError(f"no node '{n}' in both versions.{nearest(n, both)}", new.title)
+    refuse_unknown(asked, both, new.title, "no node '{}' in both versions.", NameNotFoundError)
     apart_by_node = {}
     for n in asked:
         apart = after[n].kelvin - before[n].kelvin

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.linear_algebra import Array, Bools
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
@@ -115,9 +115,7 @@ def read_limits(tables: Mapping[str, Any], where: str) -> tuple[Limits, ...]:
 def _limits(name: str, table: Any, where: str) -> Limits:
     if not isinstance(table, Mapping):
         raise ScenarioError("a reference point is a table with node and operating = [low, high].", where)
-    for key in table:
-        if key not in KEYS:
-            raise ScenarioError(f"a reference point has {', '.join(KEYS)}, not '{key}'.{nearest(key, KEYS)}", where)
+    refuse_unknown(table, KEYS, where, "a reference point has {known}, not '{}'.", ScenarioError)
     if "node" not in table or "operating" not in table:
         raise ScenarioError("a reference point needs its node, and operating = [low, high].", where)
     ends = {field: _ends(table[field], f"{where}.{field}") for field in STATES.values() if field in table}
@@ -277,8 +275,7 @@ def times_in_state(run: Solution, limits: Limits, state: str, default: str = "op
     powers = run.load_powers
     on = np.zeros(run.times.size, dtype=bool)
     for load in limits.loads:
-        if load not in powers:
-            raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", f"limits of '{limits.point}'")
+        refuse_unknown([load], powers, f"limits of '{limits.point}'", "no load '{}'.", NameNotFoundError)
         on |= np.broadcast_to(powers[load], run.times.shape) != 0.0  # a cooler takes heat: its power is negative
     if state == "start-up":
         return np.asarray(on & ~np.concatenate([[False], on[:-1]]))

@@ -12,7 +12,7 @@ from statistics import NormalDist
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, look_up, refuse_unknown
 from thermid.judge.limits import Limits, times_in_state
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
@@ -237,9 +237,7 @@ def margins(
     ScenarioError       Without a run.
     """
     if isinstance(policy, str):
-        if policy not in POLICIES:
-            raise NameNotFoundError(f"no margin policy '{policy}'; there are {'; '.join(POLICIES)}.{nearest(policy, POLICIES)}", "margins")
-        policy = POLICIES[policy]
+        policy = look_up(policy, POLICIES, f"no margin policy '{{}}'; there are {'; '.join(POLICIES)}.", "margins")
     if not runs:
         raise ScenarioError("margins need at least one run.", "margins")
     out = []
@@ -334,8 +332,7 @@ def heater_duty(
     """
     rule = (POLICIES[policy] if isinstance(policy, str) else policy).heater
     powers, times = run.solution.load_powers, run.solution.times
-    if load not in powers:
-        raise NameNotFoundError(f"no load '{load}'.{nearest(load, powers)}", run.solution.title)
+    refuse_unknown([load], powers, run.solution.title, "no load '{}'.", NameNotFoundError)
     if full <= 0:
         raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title)
     begin, end = window or (0.5 * float(times[-1]), float(times[-1]))

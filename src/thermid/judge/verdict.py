@@ -13,18 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, IdentificationError, nearest
+from thermid.errors import DeckError, IdentificationError, refuse_unknown
 from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import as_found
-from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, SensorTrace
 from thermid.judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.judge.metrics import Residuals
 from thermid.measure import Record
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
+from thermid.prediction.records import RecordPrediction, record_bands, record_request
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced import VERDICTS, weigh
 from thermid.units import counted
@@ -116,6 +116,7 @@ class Verdict:
     title : str                     What it is about.
     failed_before : tuple of RecordedLook   Failed verdicts on this record by other values, of which the results folder knows.
     standing : Standing             Of the values that were judged, before the verdict.
+    bands : RecordPrediction or None    The readings beside their bands; None where it was not judged.
     """
 
     model: str
@@ -127,6 +128,7 @@ class Verdict:
     title: str = ""
     failed_before: tuple[RecordedLook, ...] = ()
     standing: Standing = UNJUDGED
+    bands: RecordPrediction | None = None
 
     @property
     def passed(self) -> bool | None:
@@ -164,6 +166,7 @@ class Verdict:
             )
         for c in self.checks:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
+        lines += [f"  {line}" for line in self.bands.lines] if self.bands is not None else []
         return "\n".join(lines)
 
 
@@ -205,29 +208,15 @@ def validate(
     user = calibration.seen.get(record.origin.sha256)
     if user is not None:
         raise IdentificationError(f"record '{record.name}' was used by {user}; a validation needs data that no fit has seen.")
-    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
-    request = Request(
-        calibration.fitted_model,
-        (as_found(record, calibration.values, calibration.bias),),
-        scenarios={"*": scenario} if scenario else {},
-        local=specs,
-        held_bias=calibration.bias,
-        held_errors=calibration.instrument_errors,
-        window=window,
-        name=calibration.stage,
-        fit_start=False,
-        readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
-    )
-    prediction = fit(request)
+    prediction = fit(record_request(calibration, record, scenario, local, readings, window))
     statistics = prediction.statistics[record.name]
-    for sensor in criteria.sensors or {}:
-        if sensor not in statistics:
-            raise IdentificationError(
-                f"criteria are given for '{sensor}', which is no sensor of {record.name}.{nearest(sensor, statistics)}"
-            )
+    refuse_unknown(
+        criteria.sensors or {}, statistics, "", f"criteria are given for '{{}}', which is no sensor of {record.name}.", IdentificationError
+    )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
-    return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, standing=calibration.standing)
+    bands = record_bands(calibration, prediction)
+    return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, (), calibration.standing, bands)
 
 
 def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdict:

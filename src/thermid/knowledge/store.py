@@ -631,7 +631,20 @@ def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
     structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
-    return {**known, **moved, **structural}
+    regimes = {"regimes": regimes_under(known["regimes"], f"{part}.")} if part and "regimes" in known else {}
+    return {**known, **moved, **structural, **regimes}
+
+
+def regimes_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
+    """Return what a fit keeps of kinds of run (`Regimes.to_dict`), its places by their paths in the model above; `ahead` as above."""
+
+    def moved(name: str) -> str:
+        head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
+        return name if " " in name else f"{head}{ahead}{name.removeprefix(head)}"
+
+    places = {n: [moved(p) for p in kept[n]] for n in ("names", "free")}
+    own = [{**o, "name": moved(o["name"])} for o in kept["own"]]
+    return {**kept, **places, "own": own, "noise": {moved(n): x for n, x in kept["noise"].items()}}
 
 
 def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:

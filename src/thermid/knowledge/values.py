@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import DeckError, look_up
 from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge.store import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
 from thermid.linear_algebra import Array, square_root
@@ -112,9 +112,7 @@ class FittedValues(Mapping[str, FittedValue]):
         ------
         NameNotFoundError   With the nearest path.
         """
-        if path not in self.items_:
-            raise NameNotFoundError(f"'{path}' was not fitted.{nearest(path, self.items_)}", self.stage)
-        return self.items_[path]
+        return look_up(path, self.items_, "'{}' was not fitted.", self.stage)
 
     def __contains__(self, path: object) -> bool:
         """Whether a path was fitted."""

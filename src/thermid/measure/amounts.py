@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, isfinite, log10
 
-from thermid.errors import RecordError, ThermidError
+from thermid.errors import RecordError, errors_at
 from thermid.expression import parse
 from thermid.units import format_value, require_unit
 
@@ -27,13 +27,11 @@ def amount(given: object, slot: str, what: str) -> float:
     if isinstance(given, int | float) and not isinstance(given, bool):
         value = float(given)
     elif isinstance(given, str):
-        try:
+        with errors_at(what):
             literal = parse(given).literal
             if literal is None:
                 raise RecordError(f"'{given}' is no number. Write a number with its unit, such as '4 [s]'.")
             require_unit(literal.unit, slot)
-        except ThermidError as error:
-            raise error.located(what) from None
         value = literal.value
     else:
         raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what)

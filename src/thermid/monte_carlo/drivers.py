@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.monte_carlo.chunks import Job, MissingPackageError, run_members_of
 
@@ -126,8 +126,7 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
     except ImportError as error:
         raise MissingPackageError("this needs SALib, which is not installed. Install it with: pip install thermid[sensitivity]") from error
     path = job.model.canonical(node)
-    if path not in job.nodes:
-        raise NameNotFoundError(f"'{node}' was not kept.{nearest(path, job.nodes)}", job.model.title)
+    refuse_unknown([path], job.nodes, job.model.title, f"'{node}' was not kept.", NameNotFoundError)
     groups = _groups(job)
     names = list(dict.fromkeys(groups))
     if len(names) < 2:

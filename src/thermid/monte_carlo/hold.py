@@ -13,7 +13,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
-from thermid.errors import DeckError, ScenarioError, nearest
+from thermid.errors import DeckError, ScenarioError, refuse_unknown
 from thermid.knowledge.store import LeftOut
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array
@@ -464,8 +464,7 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
     where = Places(target.name, lines)
     for key, value in data.items():
-        if key not in QUESTION:
-            raise DeckError(f"a hold question has no '{key}'.{nearest(key, QUESTION)} It has {', '.join(QUESTION)}.", where(key))
+        refuse_unknown([key], QUESTION, where(key), "a hold question has no '{}'.{near} It has {known}.", DeckError)
         if not isinstance(value, QUESTION[key]) or isinstance(value, bool):
             raise DeckError(f"this is no {' or '.join(t.__name__ for t in QUESTION[key])}: {value!r}.", where(key))
     for key in ("model", "scenario", "limits"):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.store import Choice, LeftOut, Source, model_standing
 from thermid.knowledge.values import FittedValues
@@ -64,9 +64,7 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     times = np.arange(low, high + 1e-9 * step, step).tolist()
     stays = tuple(spec.get("stays", ()))
     known = {name for place, _ in scenario.signals() for name in (place.partition(".")[2], place.split(".")[1])} | set(SLOTS)
-    for name in stays:
-        if name not in known:
-            raise ScenarioError(f"nothing called '{name}' changes in the scenario.{nearest(name, known)}", f"{where}, stays")
+    refuse_unknown(stays, known, f"{where}, stays", "nothing called '{}' changes in the scenario.", ScenarioError)
     still = [k for k, s in scenario.commands.items() if s.cycle != 0.0] + [n for n in stays if n not in scenario.commands]
     said = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
     return times, stays, said if still and len(times) > 1 else ()
@@ -211,8 +209,7 @@ class UncertainRuns:
         ScenarioError       When no member reached the end.
         """
         path = self.job.model.canonical(node)
-        if path not in self.nodes:
-            raise NameNotFoundError(f"'{node}' was not kept.{nearest(path, self.nodes)} Name it in 'nodes'.", self.title)
+        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not kept.{{near}} Name it in 'nodes'.", NameNotFoundError)
         if len(self.failed) == len(self):
             raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
         traces: Array = self.temperatures[self.reached, self.nodes.index(path)]

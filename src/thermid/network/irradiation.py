@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from thermid.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError, nearest
+from thermid.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Mixed, Signal, added, signal
 from thermid.model.parts.facing import Facing
@@ -150,8 +150,7 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple
     for raw, one in irradiation.items():
         if raw != "*":
             path = canonical(raw)
-            if path not in flat.faces:
-                raise NameNotFoundError(f"no surface '{raw}'.{nearest(path, flat.faces)}", "irradiation")
+            refuse_unknown([path], flat.faces, "irradiation", f"no surface '{raw}'.", NameNotFoundError)
             given[path] = one
     return tuple(load for path, one in given.items() for load in _loads(path, flat.faces[path], one))
 
@@ -195,7 +194,8 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
 
 def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> FlatLoad:
     fields = {name: face.fields[name] for name in (share, "area") if name}
-    return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux)
+    by = face.controls if share == "emissivity" else ()
+    return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux, by)
 
 
 def _sun(given: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:
@@ -207,7 +207,5 @@ def _stream(given: Signal, boundaries: Given) -> Signal:
 
 
 def _longwave(given: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
-    try:
+    with errors_at(f"irradiation.{path}"):
         return given.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
-    except ThermidError as error:
-        raise error.located(f"irradiation.{path}") from None

@@ -20,13 +20,14 @@ from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Mixed, Signal, Sine, TableSignal
 from thermid.model.parts.elements import MadeIn
+from thermid.model.parts.facing import degrees
 from thermid.model.parts.kinds import ACCOMMODATION, Law
 from thermid.model.tree.flat import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.rows import ANCHOR, ConductorRow
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
-from thermid.physics.correlations import forced_plate_nusselt, signed_nusselt
+from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
 from thermid.physics.plates import THINNEST
 from thermid.physics.radiation import radiation_coefficient
@@ -212,13 +213,25 @@ def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasStat
     return ConductorRow(c.path, c.ends, Law("gas", (continuum, ratio)), conductivity_curve(state.gas), signal, state.named("pressure"))
 
 
-def gap(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
-    """Return the row of a gap between parallel plates: Sherman's interpolation from continuum to free molecules."""
-    area, distance, share = law.coefficients
+def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a gap between parallel plates: Sherman's interpolation from continuum to free molecules, and what convects.
+
+    The gas convects where the gap says how it lies: then Ra follows pressure and gravity, and Nu - 1 stands on gas at rest.
+    """
+    area, distance, share, factor = law.coefficients
     gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
     own = GasState(gas, state.pressure, state.natural, key=state.key)
     molecular = area * (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0)
-    return _rest(c, area * gas.k(ANCHOR) / distance, molecular, own)
+    still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, own)
+    if "tilt" not in c.words:
+        return (still,)
+    at = gas.at(ANCHOR)
+    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(at.prandtl))
+    curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
+    buoyancy = STANDARD_GRAVITY * float(at.expansion_at(ANCHOR) / (at.kinematic_viscosity * at.thermal_diffusivity()))
+    root = buoyancy**0.25 * distance**0.75 * own.natural
+    moving = Law("natural", (factor * area * gas.k(ANCHOR) / distance, root))
+    return still, ConductorRow(c.path, c.ends, moving, curve, "", own.named("natural"))
 
 
 def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
@@ -457,7 +470,7 @@ class Media:
             at = self._gas(c.gas, c.where)
             if at.pressure == 0.0:
                 return row(Law("linear", (0.0 * law.coefficients[0],)))
-            return (gap(c, law, at),) if law.medium == "rest" else correlated(c, law, at)
+            return gap(c, law, at) if law.medium == "rest" else correlated(c, law, at)
         if state == "air" and self._environment(c.gas).gas == "air":
             return row(law)
         gone = row(law.scaled(0.0))

@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import Dual, Number, value_of
-from thermid.errors import DeckError, ThermidError
+from thermid.errors import DeckError, errors_at
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import HeatStore
@@ -24,6 +24,7 @@ from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
 from thermid.model.tree.model import Model
+from thermid.network.controls import ControlRow, control_names, control_row
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import TRACE, Media, refuse_unsaid, traced
 from thermid.network.rows import ConductorRow, LoadRow
@@ -39,12 +40,14 @@ class Numbers:
     capacitances : dict             Node path -> capacitance [J/K]; None for a massless node.
     conductors, loads : tuple       Rows of the law table.
     values : dict                   Parameter path -> value. [SI]
+    controls : tuple                Controls that something names.
     """
 
     capacitances: Mapping[str, Number | None]
     conductors: tuple[ConductorRow, ...]
     loads: tuple[LoadRow, ...]
     values: Mapping[str, Any]
+    controls: tuple[ControlRow, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +73,7 @@ class Network:
     media : Media               What each gas does at the scenario's pressure.
     stores : dict               Node -> how it stores heat, where that changes with temperature.
     traced : frozenset          Conductors through gas that keep a trace of it, see `traced`.
+    steered : tuple of str      Controls that boundaries of the scenario follow.
     memo : Memo                 Rows at the model's own values, and what depends on which parameters.
     """
 
@@ -81,6 +85,7 @@ class Network:
     prescribed: tuple[str, ...] = ()
     stores: Mapping[str, HeatStore] = field(default_factory=dict)
     traced: frozenset[str] = frozenset()
+    steered: tuple[str, ...] = ()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def find(self, name: str, where: str = "") -> str:
@@ -147,26 +152,34 @@ class Network:
     def _numbers(self, parts: Mapping[str, Any]) -> Numbers:
         kept = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}
         conductors = tuple(row for rows in parts["conductors"].values() for row in rows)
-        return Numbers(kept, conductors, tuple(row for rows in parts["loads"].values() for row in rows), parts["values"])
+        loads = tuple(row for rows in parts["loads"].values() for row in rows)
+        controls = tuple(control_row(self.flat.controls[name], parts["values"]) for name in self.controls)
+        return Numbers(kept, conductors, loads, parts["values"], controls)
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """The controls that something names, in the order of the deck."""
+        return self.memo.made("controls", self._named_controls)
+
+    def _named_controls(self) -> tuple[str, ...]:
+        by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
+        named = {name for several in by for name in control_names(several)} | set(self.steered)
+        return tuple(name for name in self.flat.controls if name in named)
 
     def _rows(self, c: FlatConductor, values: Mapping[str, Any]) -> tuple[ConductorRow, ...]:
         fields = {name: values[path] for name, path in c.fields.items()}
         if c.takes:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
-        try:
+        with errors_at(c.where):
             laws = c.laws(fields)
-        except ThermidError as error:
-            raise error.located(c.where) from None
         if any(value_of(law.coefficients[0]) < 0 for law in laws):
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
         if c.path in self.streams:
-            return (self.streams.row(c, laws[0]),)
-        try:
+            return (replace(self.streams.row(c, laws[0]), controls=c.controls),)
+        with errors_at(c.where):
             laws = tuple(piece for law in laws for piece in law.pieces())
-        except ThermidError as error:
-            raise error.located(c.where) from None
         emissivity = values[c.emissivity] if c.emissivity else None
         # a fit at its bound of 1 may lie a rounding above
         for given in (emissivity, fields.get("emissivity")):
@@ -176,6 +189,8 @@ class Network:
                     c.where,
                 )
         rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
+        if c.controls:
+            rows = tuple(replace(row, controls=c.controls) for row in rows)
         return (*rows, ConductorRow(c.path, c.ends, Law("linear", (TRACE,)))) if c.path in self.traced else rows
 
 
@@ -208,7 +223,8 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
     control, settings = _control(load, f)
 
     def row(law: str, coefficients: tuple[Number, ...], curve: Curve | None, signal: str) -> LoadRow:
-        return LoadRow(load.path, law, load.node, load.sensor, (*coefficients, *settings), curve, f"{signal} {load.path}", control)
+        numbers = (*coefficients, *settings)
+        return LoadRow(load.path, law, load.node, load.sensor, numbers, curve, f"{signal} {load.path}", control, load.controls)
 
     rows = [row(form, (first, *rest), load.curve, "load")]
     if "command_curve" in f:
@@ -256,7 +272,7 @@ def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, An
             if not 0.0 <= value_of(share) <= 1.0 + 1e-6:
                 raise DeckError(f"the {name} of '{surface}' is {value_of(share):.4g}; give 0 to 1.", load.where)
             first = share * first
-    return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}")
+    return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}", "", load.controls)
 
 
 @takes_objects
@@ -314,6 +330,7 @@ class Reduced:
     conductors : tuple              Rows between the nodes that are left and the boundaries.
     recover : tuple of (str, dict)  Eliminated node -> neighbour -> weight; in the order in which they can be computed.
     stored : dict                   Node that holds the heat of another, whose specific heat changes -> that other, and how it stores heat.
+    controllers : dict              State of a controller -> where it begins; the last of the nodes.
     """
 
     nodes: tuple[str, ...]
@@ -321,6 +338,7 @@ class Reduced:
     conductors: tuple[ConductorRow, ...]
     recover: tuple[tuple[str, Mapping[str, Number]], ...]
     stored: Mapping[str, tuple[str, HeatStore]] = field(default_factory=dict)
+    controllers: Mapping[str, Number | str] = field(default_factory=dict)
 
     def states(self, temperatures: Mapping[str, Any]) -> list[Any]:
         """Return what the kernel solves for, in the order of `nodes`, from temperatures of all nodes. [K]"""
@@ -352,10 +370,20 @@ def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
     return Reduced(tuple(capacitances), capacitances, tuple(rows), reduced.recover, stored)
 
 
+def with_controllers(reduced: Reduced, controls: Iterable[ControlRow]) -> Reduced:
+    """Return a network with the states of its controllers behind its nodes."""
+    states = {state.name: state.begins for row in controls for state in row.states}
+    if not states:
+        return reduced
+    capacitances = {**reduced.capacitances, **dict.fromkeys(states, 1.0)}
+    return replace(reduced, nodes=(*reduced.nodes, *states), capacitances=capacitances, controllers=states)
+
+
 def eliminable(numbers: Numbers, keep: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """Return the massless nodes that star to mesh can replace."""
     loaded = {row.node for row in numbers.loads} | {row.sensor for row in numbers.loads}
-    crooked = {end for row in numbers.conductors if row.form != "linear" or row.signal for end in row.ends}
+    loaded |= {node for row in numbers.controls for node in row.followed}
+    crooked = {end for row in numbers.conductors if row.form != "linear" or row.signal or row.controls for end in row.ends}
     return tuple(n for n, c in numbers.capacitances.items() if c is None and n not in loaded and n not in crooked and n not in keep)
 
 

@@ -125,6 +125,7 @@ class ConductorRow:
     curve : Curve or None   For tables.
     signal : str            Name of the input that the first coefficient is multiplied by; empty for none.
     second : str            The same for the second coefficient.
+    controls : tuple        Controls whose shares the heat flow is multiplied by.
     """
 
     name: str
@@ -133,6 +134,7 @@ class ConductorRow:
     curve: Curve | None = None
     signal: str = ""
     second: str = ""
+    controls: tuple[str, ...] = ()
 
     @property
     def form(self) -> str:
@@ -163,6 +165,8 @@ class LoadRow:
     curve : Curve or None           For tables.
     signal : str                    Name of the input that the first coefficient is multiplied by; empty for none.
     control : str                   One of `CONTROLS`; empty for none.
+    controls : tuple                Controls of the deck whose shares the power is multiplied by too.
+    follows : str                   What the law follows where it is not the node: of a controller's state.
     """
 
     name: str
@@ -173,6 +177,8 @@ class LoadRow:
     curve: Curve | None = None
     signal: str = ""
     control: str = ""
+    controls: tuple[str, ...] = ()
+    follows: str = ""
 
     @property
     def own(self) -> tuple[Number, ...]:
@@ -187,4 +193,4 @@ class LoadRow:
     @property
     def fixed(self) -> bool:
         """Whether its power follows no temperature."""
-        return self.form == "signal" and not self.control
+        return self.form == "signal" and not self.control and not self.controls

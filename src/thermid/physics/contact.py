@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, refuse_unknown
 from thermid.physics._number import Number
 
 BOLTS: Final = {
@@ -132,8 +132,7 @@ def bolt_conductance(thread: str, count: Number = 1, *, stiff: bool = True) -> N
     >>> bolt_conductance("8-32", 4)
     3.2
     """
-    if thread not in BOLTS:
-        raise DeckError(f"the table of bolts has no '{thread}'.{nearest(thread, BOLTS)} It has {', '.join(BOLTS)}.")
+    refuse_unknown([thread], BOLTS, "", "the table of bolts has no '{}'.{near} It has {known}.", DeckError)
     return BOLTS[thread][0 if stiff else 1] * count
 
 

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
@@ -101,8 +101,7 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     ------
     DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
     """
-    if orientation not in ORIENTATIONS:
-        raise DeckError(f"the orientation '{orientation}' is none of {', '.join(ORIENTATIONS)}.{nearest(orientation, ORIENTATIONS)}", where)
+    refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is none of {known}.", DeckError)
     found = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
     if "vertical_plate" in found.name and orientation != "vertical":
         raise DeckError(f"'{found.name}' is for vertical plates, and the orientation is '{orientation}'. Change one of the two.", where)
@@ -194,3 +193,111 @@ def signed_nusselt(name: str, orientation: str, prandtl: float, forced: float = 
     x = np.concatenate((-root[::-1], [0.0], root))
     y = np.concatenate((sides[0][::-1], [middle], sides[1]))
     return x, y, least
+
+
+WIDE: Final = 12.0
+"""Height over thickness from which a gap is wide: Hollands' and ElSherbiny's measurements. [-]"""
+CRITICAL_ANGLES: Final = ((1.0, 25.0), (3.0, 53.0), (6.0, 60.0), (12.0, 67.0))
+"""Height over thickness of a gap, and the tilt between both of Catton's forms. [-, deg]"""
+SCATTER: Final = {True: 0.05, False: 0.10}
+"""Largest deviation of measurements from the correlation of a gap, wide or not, as a share of Nu - 1. [-]"""
+
+
+@dataclass(frozen=True)
+class GapLaw:
+    """Free convection in a closed gap between two plates, one warmer than the other.
+
+    Parameters
+    ----------
+    tilt : float    Of the gap from lying flat, the first plate below: 0, the first plate below; 90, upright; 180, above. [deg]
+    aspect : float  Height (the side along which it is tilted) over thickness. [-]
+    """
+
+    tilt: float
+    aspect: float
+
+    @property
+    def name(self) -> str:
+        """Whose correlation it is."""
+        return "Hollands, ElSherbiny, Raithby" if self.aspect >= WIDE else "Hollands, Catton"
+
+    @property
+    def high(self) -> float:
+        """Largest Rayleigh number for which it was found. [-]"""
+        return 1e8 if self.tilt in (0.0, 180.0) else 2e7 if self.aspect >= WIDE or self.tilt == 90.0 else 1e7
+
+    @property
+    def scatter(self) -> float:
+        """How far measurements lie from it, as a share of Nu - 1. [-]"""
+        return SCATTER[self.aspect >= WIDE]
+
+    def nusselt(self, rayleigh: float, prandtl: float, first_warm: bool = True) -> float:
+        """Return the Nusselt number on the thickness; `first_warm` says which plate is warmer."""
+        return gap_nusselt(rayleigh, self.tilt if first_warm else 180.0 - self.tilt, self.aspect, prandtl)
+
+
+def gap_nusselt(rayleigh: float, tilt: float, aspect: float, prandtl: float = 0.71) -> float:
+    """Nusselt number of free convection in a closed gap between plates, on its thickness; 1 for gas at rest [-].
+
+    Parameters
+    ----------
+    rayleigh : float    On the thickness and the difference of the plates. [-]
+    tilt : float        0 with the warm plate below, 90 upright, 180 with the warm plate above. [deg]
+    aspect : float      Height over thickness. [-]
+    prandtl : float     [-]
+
+    References
+    ----------
+    Wide gaps up to 60 degrees: Hollands, Unny, Raithby, Konicek, J. Heat Transfer 98 (1976) 189; upright: ElSherbiny, Raithby, Hollands,
+    J. Heat Transfer 104 (1982) 96; between both on a straight line. Others: Catton, 6th Int. Heat Transfer Conf. 6 (1978) 13. Warm above:
+    Arnold, Catton, Edwards, J. Heat Transfer 98 (1976) 67. Incropera, 6th ed., Eqs. 9.49 to 9.54.
+
+    Examples
+    --------
+    Flat and heated from below, at 1e5; upright, 40 times as high as thick; heated from above:
+
+    >>> [round(gap_nusselt(1e5, tilt, 40.0), 3) for tilt in (0.0, 90.0, 180.0)]
+    [3.994, 3.002, 1.0]
+    """
+    if rayleigh <= 0.0 or tilt >= 180.0:
+        return 1.0
+    if tilt > 90.0:
+        return 1.0 + (gap_nusselt(rayleigh, 90.0, aspect, prandtl) - 1.0) * math.sin(math.radians(tilt))
+    upright = _upright_gap(rayleigh, aspect, prandtl)
+    if aspect >= WIDE:
+        if tilt <= 60.0:
+            return _lying_gap(rayleigh, tilt)
+        return ((90.0 - tilt) * _lying_gap(rayleigh, 60.0) + (tilt - 60.0) * upright) / 30.0
+    sides, angles = np.array(CRITICAL_ANGLES).T
+    change = math.radians(float(np.interp(aspect, sides, angles)))
+    angle = math.radians(tilt)
+    if angle > change:
+        return float(max(1.0, upright * math.sin(angle) ** 0.25))
+    flat, share = _lying_gap(rayleigh, 0.0), angle / change
+    return float(max(1.0, flat * (upright / flat) ** share * math.sin(change) ** (share / 4.0)))
+
+
+def _lying_gap(rayleigh: float, tilt: float) -> float:
+    """Hollands' law of a wide gap, up to 60 degrees."""
+    tall = rayleigh * math.cos(math.radians(tilt))
+    cell = max(0.0, 1.0 - 1708.0 / tall)
+    turned = 1.0 - 1708.0 * math.sin(1.8 * math.radians(tilt)) ** 1.6 / tall
+    return float(1.0 + 1.44 * cell * max(0.0, turned) + max(0.0, (tall / 5830.0) ** (1.0 / 3.0) - 1.0))
+
+
+def _upright_gap(rayleigh: float, aspect: float, prandtl: float) -> float:
+    """ElSherbiny's law of a wide upright gap; Catton's of others."""
+    if aspect >= WIDE:
+        turning = (1.0 + (0.104 * rayleigh**0.293 / (1.0 + (6310.0 / rayleigh) ** 1.36)) ** 3) ** (1.0 / 3.0)
+        return float(max(0.0605 * rayleigh ** (1.0 / 3.0), turning, 0.242 * (rayleigh / aspect) ** 0.272, 1.0))
+    driven = prandtl / (0.2 + prandtl) * rayleigh
+    return float(max(1.0, 0.18 * driven**0.29 if aspect < 2.0 else 0.22 * driven**0.28 * aspect**-0.25))
+
+
+@lru_cache(maxsize=256)
+def signed_gap(tilt: float, aspect: float, prandtl: float) -> tuple[Array, Array]:
+    """Return points of Nu - 1 of a closed gap over the signed fourth root of Ra; a positive root is a warmer first plate."""
+    law = GapLaw(tilt, aspect)
+    root = np.unique(np.concatenate((np.geomspace(0.05, 2.0, 12), np.geomspace(2.0, 120.0, 500), np.geomspace(120.0, 3000.0, 60))))
+    warm, cold = ([law.nusselt(float(u) ** 4, prandtl, side) - 1.0 for u in root] for side in (True, False))
+    return np.concatenate((-root[::-1], [0.0], root)), np.concatenate((cold[::-1], [0.0], warm))

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, look_up
 from thermid.physics._number import Number
 from thermid.physics.air import Gas
 from thermid.physics.constants import ATMOSPHERE
@@ -96,9 +96,7 @@ def gas_named(name: str, where: str = "") -> MolecularGas:
     ------
     DeckError   When there is none of that name.
     """
-    if name not in GASES:
-        raise DeckError(f"no gas is called '{name}'.{nearest(name, GASES)} There are {', '.join(GASES)}.", where)
-    return GASES[name]
+    return look_up(name, GASES, "no gas is called '{}'.{near} There are {known}.", where, DeckError)
 
 
 def mean_free_path(gas: MolecularGas, temperature: Number, pressure: Number) -> Number:

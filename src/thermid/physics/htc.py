@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thermid.errors import ThermidError, ThermidWarning
+from thermid.errors import ThermidError, ThermidWarning, errors_at
 from thermid.expression import parse
 from thermid.physics._number import Number
 from thermid.physics.air import Gas, dry_air
@@ -254,13 +254,11 @@ def _number(value: str | float, slot: str, name: str) -> float:
     """Return a value in SI."""
     if not isinstance(value, str):
         return float(value)
-    try:
+    with errors_at(name):
         literal = parse(value).literal
         if literal is None:
             raise ThermidError(f"'{value}' must be a number with a unit.")
         require_unit(literal.unit, slot)
-    except ThermidError as error:
-        raise error.located(name) from None
     return literal.value
 
 

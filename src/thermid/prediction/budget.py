@@ -24,9 +24,11 @@ from thermid.fit.discrepancy import (
     losing_gas,
     misfit_kept,
 )
+from thermid.fit.regime_runs import kind_of_run
+from thermid.fit.regimes import FEW, LEFT, KindsSeen
 from thermid.knowledge.store import Distribution, LeftOut, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import Array, symmetric_inverse
+from thermid.linear_algebra import Array, square_root, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
@@ -48,6 +50,7 @@ FELT = 0.1
 
 
 CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
+KINDS = "kinds of run"
 """Causes, as a reader is told them."""
 NAMES = {"difference": "exponent of", "level": "radiative share of"}
 
@@ -370,6 +373,13 @@ class Budget:
         return tuple(dict.fromkeys(own))
 
     @property
+    def spread(self) -> set[str]:
+        """Names that something spreads beside what one kind of run differs from another by."""
+        kept = np.array([c != KINDS for c in self.causes], dtype=bool)
+        own = (t for t, row in zip(self.targets, self.gain, strict=True) if row[kept].any())
+        return {n for t in own for n in (t.name, *t.also)}
+
+    @property
     def means(self) -> Array:
         """Means (sources,) of the sources."""
         return np.array([s.law.mean for s in self.sources])
@@ -439,6 +449,33 @@ class Budget:
         """Return it with a source that moves all nodes after the run."""
         return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
 
+    def with_kinds(self, seen: KindsSeen, kind: str, tied: Mapping[str, tuple[str, ...]]) -> Budget:
+        """Return it with the deviations of a kind of run, and with what those of the fitted kinds did to the fitted values.
+
+        Parameters
+        ----------
+        seen : KindsSeen    What the fits say of kinds of run.
+        kind : str          That of the scenario; of one that was fitted, the fit has followed a part.
+        tied : dict         Fitted value -> others that share it.
+        """
+        names = list(seen.directions)
+        sizes = np.array([seen.size(group) for group in seen.directions.values()])
+        free, moved = seen.response()
+        targets = [_deviation(n, tied.get(n, ())) for n in names]
+        gain = np.diag(sizes)
+        if kind in moved:
+            rows = [names.index(n) for n in free if n in names]
+            gain[rows] -= moved[kind][[free.index(names[r]) for r in rows]] * sizes
+        others = sum((m * sizes) @ (m * sizes).T for k, m in moved.items() if k != kind) + np.zeros((len(free), len(free)))
+        root = square_root(others, drop=True) if len(free) else np.zeros((0, 0))
+        held = [k for k, n in enumerate(free) if " " not in n]
+        known = {t.name: t for t in self.targets}
+        own = [Target(free[k], known[free[k]].form if free[k] in known else "log", tied.get(free[k], ())) for k in held]
+        words = seen.words
+        sources = [Source(f"kind of run: {n}", "structural", Normal(), words) for n in names]
+        fitted = [Source(f"kinds that were fitted: {k + 1}", "structural", Normal(), words) for k in range(root.shape[1])]
+        return self.beside(sources, KINDS, targets, gain).beside(fitted, KINDS, own, root[held])
+
     def with_stated(self, given: Sequence[Spread | Groups]) -> Budget:
         """Return it with what is stated."""
         names = [n for s in given for n in _names(s)]
@@ -494,6 +531,11 @@ class Budget:
         )
 
 
+def _deviation(name: str, also: tuple[str, ...]) -> Target:
+    """Return what a relative deviation of an element acts on."""
+    return Target(name, "factor" if name.startswith("scale.") else "log", also)
+
+
 def combined(weights: Array, rows: Array) -> Array:
     """Return sums (targets, members) of rows (sources, members) by weights (targets, sources).
 
@@ -543,14 +585,29 @@ def budget_of(
     modes, alike = modes_of(source.kept)
     make = make.with_modes(modes, alike, responses(source.kept, rows, modes))
     network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    seen = KindsSeen.of(source.provenances)
     misfit = misfit_of([misfit_kept(p) for p in source.provenances], network)
+    if seen:  # the output takes only what the deviations of kinds leave
+        misfit = {n: seen.size(LEFT) * size for n, size in misfit.items()}
     if misfit:
         words = "what the model could not follow in the records that it was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
     make = make.with_stated(plain)
+    if seen:
+        make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
-    whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=(remark,) if remark else ())
+    remarks = tuple(r for r in (remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
+    whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=remarks)
     return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
+
+
+def _kind_of(model: Model, scenario: Scenario) -> str:
+    """Return the kind of run that a scenario is; empty where nothing says how it starts."""
+    try:
+        ready = prepare(model, lasting(scenario), ())
+        return kind_of_run(ready.wiring, ready.engine, None)
+    except (ScenarioError, SolverError):
+        return ""
 
 
 def _names(stated: Spread | Groups) -> list[str]:
@@ -580,7 +637,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
     out += [x for s in known.stores for x in s.left_out]
     fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
     surfaces = {p for k in known.kept for p in k.surfaces}
-    taken = [*(n for t in whole.targets for n in (t.name, *t.also)), *known.assigned]
+    taken = [*whole.spread, *known.assigned]
     closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
     if closed:
         out.append(LeftOut(f"radiation without gas of {_listed(closed)}: no record says at which temperatures its coefficient holds"))
@@ -597,7 +654,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
 
 def _given(budget: Budget) -> list[str]:
     """Return what a scenario gives, boundaries, loads and the start, and nothing spreads."""
-    spread = {n for t in budget.targets for n in (t.name, *t.also)}
+    spread = budget.spread
     find, scenario = budget.model.canonical, budget.scenario
     out = [b for b in scenario.boundaries if find(b) not in spread]
     out += [x for x in scenario.loads if not {f"scale.{find(x)}", f"{find(x)}.power"} & spread]
@@ -643,7 +700,7 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
 
 def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tuple[tuple[LeftOut, Mapping[str, float]], ...]:
     """Return the assumed values of decks that nothing spreads, with what they may move each node by once it settled (node -> K)."""
-    spread = {n for t in budget.targets for n in (t.name, *t.also)}
+    spread = budget.spread
     spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
     spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}
     loose = assumed_values(budget.model, budget.scenario, spread)

@@ -25,7 +25,7 @@ from thermid.measure.amounts import short
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import CONSTANT, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
 from thermid.prediction.known import Known, Rows
 from thermid.prediction.setting import Linear, Setting
 from thermid.simulation.scenarios.scenario import Scenario
@@ -454,6 +454,8 @@ def _words(setting: Setting) -> dict[str, str]:
         listed = "; ".join(far[:3]) + (f"; and {len(far) - 3} more" if len(far) > 3 else "")
         used = f"used further off: {listed}" if far else "used near where they were found"
         out[CONSTANT] = f"convection may grow with the difference (exponent 0 to 1/3), radiation with the level; {used}"
+    if KINDS in out:
+        out[KINDS] = next(s.words for s, cause in zip(budget.sources, budget.causes, strict=True) if cause == KINDS)
     if MISFIT in out:
         out[MISFIT] = "what the model could not follow in the records that it was fitted to"
     return out

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.extensions import extension
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text
@@ -466,9 +466,7 @@ def bench_of(
     if not asked and len(network.boundaries) != 1:
         raise ScenarioError(f"say which boundaries are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title)
     names = tuple(model.canonical(n) for n in asked) or network.boundaries
-    for name in names:
-        if name not in network.boundaries:
-            raise ScenarioError(f"'{name}' is no boundary.{nearest(name, network.boundaries)}", f"{profile.title}, chamber")
+    refuse_unknown(names, network.boundaries, f"{profile.title}, chamber", "'{}' is no boundary.", ScenarioError)
     free = [b for b in network.boundaries if b not in names and b not in {model.canonical(k) for k in base.boundaries}]
     if free:
         raise ScenarioError(
@@ -477,12 +475,10 @@ def bench_of(
         )
     loads = {load.path: load for load in network.flat.loads}
     switched = tuple(model.canonical(n) for n in equipment) if equipment is not None else ()
-    for name in switched:
-        if name not in loads:
-            raise ScenarioError(f"there is no load '{name}' to switch.{nearest(name, loads)}", f"{profile.title}, equipment")
+    refuse_unknown(switched, loads, f"{profile.title}, equipment", "there is no load '{}' to switch.", ScenarioError)
     if equipment is None:
         controlled = ("thermostat", "proportional")
-        switched = tuple(p for p, load in loads.items() if not any(f.startswith(controlled) for f in load.fields))
+        switched = tuple(p for p, load in loads.items() if not load.controls and not any(f.startswith(controlled) for f in load.fields))
     ambient = profile.value("ambient")
     others = {k: v for k, v in base.boundaries.items() if model.canonical(k) not in names}
     steps = profile.steps

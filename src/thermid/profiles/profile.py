@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.errors import ScenarioError, ThermidError, look_up, nearest, refuse_unknown
 from thermid.files import PROFILE, write_text
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
@@ -188,9 +188,7 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
     SMC-S-016 (2014), 6.3.8.3: N = 27 (105/dT)^1.4, 20 (95/dT)^1.4, 14 (85/dT)^1.4.
     """
     if isinstance(level, str):
-        if level not in EQUIVALENCE:
-            raise ScenarioError(f"there is no level '{level}'; there are {', '.join(EQUIVALENCE)}.{nearest(level, EQUIVALENCE)}", "cycles")
-        level = EQUIVALENCE[level]
+        level = look_up(level, EQUIVALENCE, "there is no level '{}'; there are {known}.", "cycles", ScenarioError)
     low, high = (literal(v, TEMPERATURE, "cycles") if isinstance(v, str) else float(v) for v in (cold, hot))
     if low >= high:
         raise ScenarioError(
@@ -234,9 +232,7 @@ class ProfileStep:
 
 def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
     """Return a step as a file writes it; a value may be the name of a number of the profile."""
-    for key in row:
-        if key not in STEP_KEYS:
-            raise ScenarioError(f"a step has no '{key}'; it has {', '.join(STEP_KEYS)}.{nearest(key, STEP_KEYS)}", where)
+    refuse_unknown(row, STEP_KEYS, where, "a step has no '{}'; it has {known}.", ScenarioError)
 
     def value(key: str, slot: str) -> float | None:
         text = row.get(key)

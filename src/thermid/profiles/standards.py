@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, nearest, refuse_unknown
 from thermid.measure.record.steadiness import rule_of
 from thermid.profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, pair_of
 from thermid.toml_files import read_toml
@@ -135,8 +135,7 @@ def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> 
         profile = replace(profile, title=data.get("title", profile.title), note=data.get("note", profile.note))
     else:
         kind = data.get("kind", "thermal cycling")
-        if kind not in KINDS:
-            raise ScenarioError(f"there is no kind '{kind}'; there are {', '.join(KINDS)}.{nearest(str(kind), KINDS)}", place)
+        refuse_unknown([kind], KINDS, place, "there is no kind '{}'; there are {known}.", ScenarioError)
         standard, edition, clause, level = (str(data.get(k, "")) for k in ("standard", "edition", "clause", "level"))
         profile = ThermalProfile(data.get("title", stem), kind, standard, edition, clause, level, {**OWN_TABLE}, note=data.get("note", ""))
     mark = data.get("mark", "project")

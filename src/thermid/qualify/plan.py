@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
-from thermid.errors import DeckError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, refuse_unknown
 from thermid.files import read_bytes
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
@@ -89,10 +89,8 @@ class Plan:
     @cached_property
     def known(self) -> Known:
         """The model with what is known of its values; a campaign is run when this is first asked for."""
-        try:
+        with errors_at(self.path.name, ", "):
             return self._known()
-        except ThermidError as error:
-            raise error.within(self.path.name) from None
 
     def _known(self) -> Known:
         source, folder = self.content.model, self.path.parent
@@ -100,10 +98,7 @@ class Plan:
             file = resolve_inside(folder, source.campaign, "model.campaign")
             data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
             campaign = run_stages(file, data=data, cache=file.parent / "results")
-            if source.stage not in campaign.stages:
-                raise NameNotFoundError(
-                    f"the campaign has no stage '{source.stage}'.{nearest(source.stage, campaign.stages)}", "model.stage"
-                )
+            refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
             return Known.of(campaign[source.stage])
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
@@ -181,10 +176,8 @@ def _limits(limits: str | Mapping[str, Any], folder: Path, where: str) -> tuple[
     """Return the limits of a plan; errors of a file of their own name the plan too."""
     if not isinstance(limits, str):
         return read_limits(limits, where)
-    try:
+    with errors_at(where, ", "):
         return load_limits(resolve_inside(folder, limits, where))
-    except ThermidError as error:
-        raise error.within(where) from None
 
 
 def _not_empty(raw: Mapping[str, Any], name: str) -> None:
@@ -304,10 +297,9 @@ def check_parts(content: PlanFile, where: Where) -> None:
         if not sensor.reason.strip():
             raise DeckError(f"sensor '{name}' sits there without a reason. Say why.", where(f"sensors.{name}.reason"))
     for name in content.exclusions.reasons:
-        if name not in content.sensors:
-            raise NameNotFoundError(
-                f"'{name}' is excluded, but is no sensor.{nearest(name, content.sensors)}", where(f"exclusions.reasons.{name}")
-            )
+        refuse_unknown(
+            [name], content.sensors, where(f"exclusions.reasons.{name}"), "'{}' is excluded, but is no sensor.", NameNotFoundError
+        )
     for key, unit in RANGES.items():
         texts = getattr(content.validity, key)
         ends = [literal(t, unit, where(f"validity.{key}")) for t in texts]
@@ -332,14 +324,9 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     if test.host and test.host not in content.hosts:
         raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
     for key in ("sensors", "weights"):
-        for sensor in getattr(test, key):
-            if sensor not in content.sensors:
-                raise NameNotFoundError(f"there is no sensor '{sensor}'.{nearest(sensor, content.sensors)}", where(key))
-    for name in test.criteria:
-        if name not in criteria:
-            raise NameNotFoundError(
-                f"there are no criteria '{name}'; there are {listed(list(criteria))}.{nearest(name, criteria)}", where("criteria")
-            )
+        refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
+    have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
+    refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
     rule_of(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
     if test.log is not None and steady and not test.steady and test.profile is None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import NameNotFoundError, ThermidError, nearest
+from thermid.errors import errors_at, look_up
 from thermid.judge.limits import Limits
 from thermid.judge.margins import Margin, margins
 from thermid.model.parts.parameter import Standing
@@ -77,9 +77,7 @@ class Qualification:
     def __getitem__(self, name: str) -> Trial:
         """Return a test by its name."""
         trials = {t.test.name: t for t in self.trials}
-        if name not in trials:
-            raise NameNotFoundError(f"the plan has no test '{name}'.{nearest(name, trials)}", self.plan.title)
-        return trials[name]
+        return look_up(name, trials, "the plan has no test '{}'.", self.plan.title)
 
     @property
     def service(self) -> tuple[Trial, ...]:
@@ -221,10 +219,8 @@ def run_plan(
     for test in loaded.tests:
         if notice is not None:
             notice(test.name)
-        try:
+        with errors_at(f"{loaded.path.name}, test '{test.name}'", ", "):
             trial = run_test(loaded, test)
-        except ThermidError as error:
-            raise error.within(f"{loaded.path.name}, test '{test.name}'") from None
         if trial.log_sha256:
             other = note_look(loaded, test.name, trial.log_sha256)
             why = "see its deviations" if test.deviations else "say in its deviations what was changed in it, and why"

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import DeckError, NameNotFoundError, refuse_unknown
 from thermid.model.deck.modelfile import load_model
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Entry, own_tables, parameter_table
@@ -49,10 +49,9 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     DeckError           When values of the host have no source (all of them are named), or the unit's ports do not fit.
     """
     model = host if isinstance(host, Model) else load_model(host)
-    if at not in model.submodels:
-        raise NameNotFoundError(
-            f"no submodel '{at}' to be the unit.{nearest(at, model.submodels)} A macro model holds its unit.", model.title
-        )
+    refuse_unknown(
+        [at], model.submodels, model.title, "no submodel '{}' to be the unit.{near} A macro model holds its unit.", NameNotFoundError
+    )
     if unit is not None:
         set_here = [p for p in map(model.canonical, model.settings) if p.startswith(f"{at}.")]  # what the host says of any unit in it
         model = model.replace(at, unit if isinstance(unit, Model) else load_model(unit), set_here)

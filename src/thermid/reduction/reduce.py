@@ -23,6 +23,7 @@ from thermid.model.parts.kinds import KINDS
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.model.tree.identity import made_to
 from thermid.model.tree.model import Model
+from thermid.network.controls import control_names
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, conductance
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -109,6 +110,14 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
     """
     numbers = network.numbers()
     nodes = tuple(n for n in network.nodes if n.startswith(inside))
+    steered = [c.controls for c in network.flat.conductors if c.controls and c.path.startswith(inside)]
+    steered += [load.controls for load in network.flat.loads if load.controls and load.path.startswith(inside)]
+    own = [c for c in network.controls if c.startswith(inside)]
+    if steered or own:
+        named = control_names(steered[0])[0] if steered else own[0]
+        raise DeckError(
+            f"a part is reduced without controls; '{named}' follows temperatures that a reduction takes as they were.", network.title
+        )
     rows = tuple(r for r in numbers.conductors if r.name.startswith(inside) and set(r.ends) & set(nodes))
     moving = next((r.name for r in rows if r.signal or r.second), "")
     if moving:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ScenarioError, SolverError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
@@ -53,8 +53,7 @@ class BlockSolution(Solution):
 
     def __getitem__(self, name: str) -> Trace:
         """Return the trace of what was watched, or of a boundary."""
-        if name not in self.nodes:
-            raise NameNotFoundError(f"'{name}' was not watched.{nearest(name, self.nodes)} Name it in 'watch' of the run.", self.title)
+        refuse_unknown([name], self.nodes, self.title, "'{}' was not watched.{near} Name it in 'watch' of the run.", NameNotFoundError)
         k = self.nodes.index(name)
         return Trace(name, self.times, self.temperatures[:, k], self._turnings(k), BlockDense(self, k) if self._again else None)
 
@@ -330,15 +329,13 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
             raise ScenarioError(f"a block takes no '{name}'; turn it into a model with model(), which does.", where)
     if scenario.as_printed:
         raise ScenarioError("a block has no coefficients of a source document; turn it into a model with model().", where)
-    tables: tuple[tuple[str, Mapping[str, Any], Iterable[str]], ...] = (
+    tables: tuple[tuple[str, Mapping[str, Any], Collection[str]], ...] = (
         ("boundary", scenario.boundaries, block.boundaries),
         ("heater", scenario.loads, block.heaters),
         ("heater", scenario.commands, block.heaters),
     )
     for kind, table, known in tables:
-        for name in table:
-            if name not in known:
-                raise ScenarioError(f"the block has no {kind} '{name}'.{nearest(name, known)}", where)
+        refuse_unknown(table, known, where, f"the block has no {kind} '{{}}'.", ScenarioError)
     for name in block.boundaries:
         if name not in scenario.boundaries:
             raise ScenarioError(f"boundary '{name}' has no temperature. Give it one in the scenario's boundaries.", where)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, ThermidError, nearest
+from thermid.errors import ScenarioError, ThermidError, errors_at, refuse_unknown
 from thermid.extensions import extension
 from thermid.model.laws.signal import literal, signal
 from thermid.network.environment import Environment
@@ -40,8 +40,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
     fields = {*Scenario.__dataclass_fields__, *SURROUNDINGS}
     for key in data:
-        if key not in fields:
-            raise ScenarioError(f"a scenario has no '{key}'.{nearest(key, fields)}", f"{target.name}:{lines.get(key, 1)}, {key}")
+        refuse_unknown([key], fields, f"{target.name}:{lines.get(key, 1)}, {key}", "a scenario has no '{}'.", ScenarioError)
     given: dict[str, Any] = {"title": target.stem, **data}
     columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
     for name, slot in SLOTS.items():
@@ -76,23 +75,17 @@ def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> E
         name: signal(columns.signal(table[name], known[name], where), known[name], where) for name in ("pressure", "wind") if name in table
     }
     given |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
-    try:
+    with errors_at(where):
         return Environment(**given)
-    except ThermidError as error:
-        raise error.located(where) from None
 
 
 def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
     """Return what falls on a surface from the table of a scenario file."""
     known = Irradiation.__dataclass_fields__
-    for name in table:
-        if name not in known:
-            raise ScenarioError(f"radiation on a surface has no '{name}'.{nearest(name, known)} It has {', '.join(known)}.", where)
+    refuse_unknown(table, known, where, "radiation on a surface has no '{}'.{near} It has {known}.", ScenarioError)
     given = {
         name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
         for name, value in table.items()
     }
-    try:
+    with errors_at(where):
         return Irradiation(**given)
-    except ThermidError as error:
-        raise error.located(where) from None

@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Distribution
 from thermid.linear_algebra import Array
@@ -221,9 +221,7 @@ class Simulator:
         ScenarioError       When the names do not have equally many values.
         """
         given = {_free_name(self._wiring.network, name): value for name, value in draws.items()}
-        for name in given:
-            if name not in self.free:
-                raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
+        refuse_unknown(given, self.free, self.title, "'{}' was not freed when the simulator was prepared.", NameNotFoundError)
         if len(given) < len(draws):
             raise ScenarioError("one name is drawn twice, under its path and under an alias.", self.title)
         return run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
@@ -274,9 +272,7 @@ class Simulator:
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""
         given = {_free_name(self._wiring.network, name): value for name, value in values.items()}
-        for name in given:
-            if name not in self.free:
-                raise NameNotFoundError(f"'{name}' was not freed when the simulator was prepared.{nearest(name, self.free)}", self.title)
+        refuse_unknown(given, self.free, self.title, "'{}' was not freed when the simulator was prepared.", NameNotFoundError)
         return np.array([given.get(name, self.nominal[name]) for name in self.free])
 
 

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from thermid.dual import Number, value_of
-from thermid.errors import NameNotFoundError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, ScenarioError, look_up
 from thermid.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import evaluate
 from thermid.model.laws.signal import literal
+from thermid.model.parts.facing import degrees
 from thermid.network.network import Network
 from thermid.physics.constants import ICE_POINT
-from thermid.physics.correlations import correlation
+from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
 from thermid.simulation.solver.problem import Answer, Options, Traces, break_times, left_tables, read_nodes, signal_turnings
@@ -201,7 +202,7 @@ class Run:
     @cached_property
     def switches(self) -> Array:
         """When inputs jump and thermostats switch. [s]"""
-        return np.unique(np.concatenate((break_times(self.engine.inputs, self.answer.end), [t for t, _, _ in self.answer.switched])))
+        return np.unique(np.concatenate((break_times(self.engine.inputs, self.answer.end), [t for t, *_ in self.answer.switched])))
 
     @property
     def network(self) -> Network:
@@ -217,22 +218,46 @@ class Run:
 
     def time_constants(self, temperatures: Array) -> Array:
         """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
-        at = np.array(self.assembled.reduced.states(dict(zip(self.all_nodes(), temperatures, strict=True))), dtype=float)
+        known = dict(zip(self.all_nodes(), temperatures, strict=True))
+        known |= {n: self.answer.final[self.engine.nodes.index(n)] for n in self.assembled.reduced.controllers}
+        at = np.array(self.assembled.reduced.states(known), dtype=float)
         return self.engine.time_constants(self.assembled, at, self.answer.end)
 
     def flows(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return conductor -> heat flow (times,). [W]"""
         by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
-        return self.wiring.conductor_flows(self.assembled.numbers, by_node, times)
+        return self.wiring.conductor_flows(self.assembled.numbers, by_node, times, self._shares(by_node, times))
 
     def conductances(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return conductor -> conductance (times,), radiation made linear. [W/K]"""
         by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
-        return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times)
+        return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times, self._shares(by_node, times))
 
     def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return load -> power (times,). [W]"""
-        return self.engine.powers(self.assembled, self._columns(temperatures), times, self.answer.states(times))
+        return self.engine.powers(self.assembled, self._columns(temperatures, times), times, self.answer.states(times))
+
+    def shares(self, times: Array, temperatures: Array) -> dict[str, Array]:
+        """Return control -> its share (times,). [-]"""
+        return self._shares({n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}, times)
+
+    def modes(self, times: Array) -> dict[str, Array]:
+        """Return control with modes -> number of its mode (times,)."""
+        states = self.answer.states(times)
+        return {name: states[:, self.engine.control_names.index(name)].astype(float) for name in self.engine.machines}
+
+    def _shares(self, by_node: Mapping[str, Array], times: Array) -> dict[str, Array]:
+        if not self.assembled.numbers.controls:
+            return {}
+        known = {**by_node, **self._controllers(times)}
+        modes = self.modes(times)
+        return self.wiring.shares(self.assembled.numbers, known.__getitem__, times, modes.__getitem__)
+
+    def _controllers(self, times: Array) -> dict[str, Array]:
+        """Return state of a controller -> its course (times,). [K]"""
+        states = self.assembled.reduced.controllers
+        run = self if not states or np.array_equal(times, self.times) else self.again(times)
+        return {n: run.traces.temperature(n) for n in states}
 
     def out_of_range(self) -> tuple[str, ...]:
         """Return a sentence for each table that was asked for values outside its points, at a stored time or a turning point."""
@@ -247,8 +272,8 @@ class Run:
         times = times[(times >= self.times[0]) & (times <= self.times[-1])]
         return self if times.size == self.times.size else self.again(times)
 
-    def _columns(self, temperatures: Array) -> Array:
-        by_node = dict(zip(self.all_nodes(), temperatures.T, strict=True))
+    def _columns(self, temperatures: Array, times: Array) -> Array:
+        by_node = {**dict(zip(self.all_nodes(), temperatures.T, strict=True)), **self._controllers(times)}
         return np.column_stack([*self.assembled.reduced.states(by_node), *(by_node[b] for b in self.network.boundaries)])
 
     def heat_balance(self) -> HeatBalance:
@@ -256,7 +281,9 @@ class Run:
         answer = self.answer
         loads = float(answer.load_energy.sum())
         boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())
-        capacities = np.array([value_of(c) if c is not None else 0.0 for c in self.assembled.reduced.capacitances.values()])
+        reduced = self.assembled.reduced
+        weighed = {n: c for n, c in reduced.capacitances.items() if n not in reduced.controllers}
+        capacities = np.array([value_of(weighed.get(n) or 0.0) for n in reduced.nodes])
         stored = float(capacities @ (answer.final - answer.initial))
         seen = np.vstack((answer.initial, answer.temperatures, answer.final))
         # heat that only passes through, from one boundary to another, is heat that the integrator handled too
@@ -303,6 +330,11 @@ def outside(run: Run) -> tuple[str, ...]:
         root = value_of(row.coefficients[1]) * strength * evaluate(row.curve.film[1], 0.5 * (hot + cold))
         highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
         given = words[row.name]
+        if "tilt" in given:
+            gap = GapLaw(degrees(given["tilt"]), float(given["aspect"]))
+            if highest > gap.high:
+                out.append(f"{gap.name}, of '{row.name}', goes up to a Rayleigh number of {gap.high:g}; here it reaches {highest:.3g}")
+            continue
         law = correlation(given.get("htc.correlation", ""), given.get("htc.orientation", "vertical"))
         if highest > law.high or 0.0 < highest < law.low:
             out.append(
@@ -320,7 +352,7 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
     """Return a sentence for each gap so wide that its gas would not stay at rest."""
     out, values = [], run.assembled.numbers.values
     for c in run.network.flat.conductors:
-        if "gap" not in c.fields:
+        if "gap" not in c.fields or "tilt" in c.words:
             continue
         hot, cold = (run.traces.temperature(end) for end in c.ends)
         distance: Number = values[c.fields["gap"]]
@@ -330,7 +362,8 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
             width = 1e3 * value_of(distance)
             out.append(
                 f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken, and above"
-                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4"
+                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4; tilt and"
+                " aspect of the gap let it convect"
             )
     return tuple(out)
 
@@ -399,6 +432,18 @@ class Solution:
         """Temperatures (times, nodes) of every node and boundary, in the order of `nodes`. [K]"""
         return np.column_stack([self._run.traces.temperature(n) for n in self.nodes])
 
+    @cached_property
+    def shares(self) -> dict[str, Array]:
+        """Control of the deck -> its share (times,), by which what names it is multiplied. [-]"""
+        found = self._run.shares(self.times, self.temperatures)
+        return {name: found[name] for name in self._run.network.controls}
+
+    @cached_property
+    def modes(self) -> dict[str, tuple[str, ...]]:
+        """Control with modes -> its mode (times,); of a thermostat off and on."""
+        names = {row.name: row.modes for row in self._run.assembled.numbers.controls}
+        return {name: tuple(names[name][int(k)] for k in found) for name, found in self._run.modes(self.times).items()}
+
     def sensitivity(self, node: str, name: str) -> Array:
         """Return the derivative (times,) of a node's temperature with respect to a free name. [K per SI unit]
 
@@ -430,9 +475,7 @@ class Solution:
         """
         flows = self._run.flows(self.times, self.temperatures)
         path = self._run.network.flat.names.model.canonical(conductor)
-        if path not in flows:
-            raise NameNotFoundError(f"no conductor '{conductor}'.{nearest(path, flows)}", self.title)
-        return flows[path]
+        return look_up(path, flows, f"no conductor '{conductor}'.", self.title)
 
     @property
     def heat_flows(self) -> Mapping[str, Array]:

@@ -10,16 +10,18 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
+from thermid.linear_algebra import Array
 from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.block import BlockSolution, steady_block
+from thermid.simulation.heat_map import HeatMap
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import KernelProblem, Traces
-from thermid.simulation.solver.wiring import Wiring
+from thermid.simulation.solver.wiring import Assembled, Wiring
 from thermid.simulation.transient import simulate
 
 PERIOD_SAMPLES = 2001
@@ -36,6 +38,7 @@ class Steady(dict[str, float]):
     held : str          Which inputs, in words.
     remarks : tuple     What a reader must know: inputs that change in time, and what else could be asked for.
     lowest, highest     Of a periodic state: node -> lowest and highest temperature of a period [K]; otherwise the temperature itself.
+    heat : HeatMap      Where the heat goes; of a periodic state by the means over the period. None where nobody computed it.
     """
 
     def __init__(
@@ -45,7 +48,9 @@ class Steady(dict[str, float]):
         remarks: tuple[str, ...] = (),
         lowest: Mapping[str, float] | None = None,
         highest: Mapping[str, float] | None = None,
+        heat: HeatMap | None = None,
     ) -> None:
+        self.heat = heat
         super().__init__(temperatures)
         self.held = held
         self.remarks = remarks
@@ -105,12 +110,23 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     found, _ = settle(problem, a, instant)
     traces = Traces(problem.wiring, a, np.array([instant]), problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
+    heat = _heat(problem, a, found, temperatures, instant)
     if kind:
         span = f"a period of {wiring.cycle:g} s" if wiring.cycle else f"{asked.seconds:g} s"
         bent = f"the means over {span} of {', '.join(wiring.changing)} are held; where laws bend, that is not the mean of the temperatures"
-        return Steady(temperatures, f"mean inputs over {span}", (bent,) if wiring.changing else ())
+        return Steady(temperatures, f"mean inputs over {span}", (bent,) if wiring.changing else (), heat=heat)
     said = wiring.held_at(instant)
-    return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else ())
+    return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else (), heat=heat)
+
+
+def _heat(problem: KernelProblem, a: Assembled, state: Array, temperatures: Mapping[str, float], instant: float) -> HeatMap:
+    """Return where the heat goes at temperatures [K] with the inputs of one instant [s]."""
+    wiring, times = problem.wiring, np.array([instant])
+    flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in temperatures.items()}, times)
+    # a store has a state of its own, its enthalpy, beside the temperatures
+    columns = [*state.tolist(), *(temperatures[n] for n in wiring.network.boundaries)]
+    powers = problem.powers(a, np.array([columns]), times)
+    return HeatMap.of(wiring.network, temperatures, {n: float(w[0]) for n, w in flows.items()}, {n: float(w[0]) for n, w in powers.items()})
 
 
 def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Steady:
@@ -119,7 +135,9 @@ def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Ste
     run = simulate(model, replace(scenario, start=PERIODIC, duration=length), times=np.linspace(0.0, length, PERIOD_SAMPLES))
     mean = {n: float(np.trapezoid(run[n].kelvin, run.times)) / length for n in run.nodes}
     low, high = ({n: float(pick(run[n].kelvin)) for n in run.nodes} for pick in (np.min, np.max))
-    return Steady(mean, f"the mean of a period of {length:g} s that comes back", (), low, high)
+    flows, powers = ({n: float(np.trapezoid(w, run.times)) / length for n, w in each.items()} for each in (run.heat_flows, run.load_powers))
+    heat = HeatMap.of(network_for(model, scenario), mean, flows, powers)
+    return Steady(mean, f"the mean of a period of {length:g} s that comes back", (), low, high, heat)
 
 
 @takes_objects

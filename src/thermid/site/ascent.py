@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import RecordError, ScenarioError, nearest
+from thermid.errors import RecordError, ScenarioError, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.measure import read_plain
 from thermid.model.laws.signal import Constant, Signal, TableSignal, joined, literal, signal
@@ -129,9 +129,7 @@ def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | N
     """
     table = read_plain(os.fspath(path), time)
     wanted = dict(columns or {n: n for n in UNITS if n in table.names})
-    for name in wanted:
-        if name not in UNITS:
-            raise RecordError(f"a trajectory has no '{name}'.{nearest(name, UNITS)} It has {', '.join(UNITS)}.", table.file)
+    refuse_unknown(wanted, UNITS, table.file, "a trajectory has no '{}'.{near} It has {known}.", RecordError)
     if "altitude" not in wanted:
         raise RecordError(
             f"which column is the altitude? Say columns = {{altitude = '...'}}; there are {', '.join(table.names)}.", table.file

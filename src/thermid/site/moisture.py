@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, SolverError, nearest
+from thermid.errors import ScenarioError, SolverError, look_up, nearest
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, signal
 from thermid.model.parts.elements import HeatLoad
@@ -107,9 +107,7 @@ class Moisture:
         ------
         ScenarioError   With the nearest name.
         """
-        if surface not in self.surfaces:
-            raise ScenarioError(f"no surface '{surface}' exchanges with a gas of known humidity.{nearest(surface, self.surfaces)}")
-        return self.surfaces[surface]
+        return look_up(surface, self.surfaces, "no surface '{}' exchanges with a gas of known humidity.", error=ScenarioError)
 
     def __str__(self) -> str:
         """Return the surfaces with their smallest margins, the closest first."""

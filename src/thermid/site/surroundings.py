@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, refuse_unknown
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
@@ -47,8 +47,7 @@ def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     tables = {name: rest.pop(name, {}) for name in (*KEYS, "wind")}
     for name, known in KEYS.items():
         for key in tables[name]:
-            if key not in known:
-                raise ScenarioError(f"no '{key}' in {name}.{nearest(key, known)} It has {', '.join(known)}.", f"{file}, {name}.{key}")
+            refuse_unknown([key], known, f"{file}, {name}.{key}", f"no '{{}}' in {name}.{{near}} It has {{known}}.", ScenarioError)
     duration = rest.pop("duration", None)
     if isinstance(duration, str):
         duration = literal(duration, "s", f"{file}, duration")

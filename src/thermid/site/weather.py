@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import MissingDataError, NameNotFoundError, RecordError, nearest
+from thermid.errors import MissingDataError, NameNotFoundError, RecordError, look_up, refuse_unknown
 from thermid.files import was_read
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_plain
 from thermid.measure.record.channel import FloatArray
-from thermid.units import TEMPERATURE
+from thermid.units import TEMPERATURE, from_si
 
 if TYPE_CHECKING:
     import pandas
@@ -122,9 +122,7 @@ class Weather:
         ------
         NameNotFoundError   When the weather has none of that name.
         """
-        if quantity not in self.series:
-            raise NameNotFoundError(f"no '{quantity}'; it has {', '.join(self.series)}.{nearest(quantity, self.series)}", self.name)
-        return self.series[quantity]
+        return look_up(quantity, self.series, "no '{}'; it has {known}.", self.name)
 
     def __contains__(self, quantity: object) -> bool:
         """Whether the weather has a quantity."""
@@ -212,8 +210,7 @@ class Weather:
         lines = [f"{self.name}: {self._stamp(0.0)}, {self.duration / 3600:.4g} h"]
         for name, s in self.series.items():
             unit_text = RANGES[name][2]
-            shift, factor = {"degC": (273.15, 1.0), "%": (0.0, 0.01), "mm/h": (0.0, 1 / 3.6e6)}.get(unit_text, (0.0, 1.0))
-            shown = [f"{(v - shift) / factor:.4g}" for v in (s.values.min(), s.values.mean(), s.values.max())]
+            shown = [_shown(v, unit_text) for v in (s.values.min(), s.values.mean(), s.values.max())]
             lines.append(f"  {name:<14} {shown[0]:>7} .. {shown[2]:>7}   mean {shown[1]:>7} {unit_text}")
         lines += [f"  filled: {one}" for one in self.filled]
         lines += [f"  note: {one}" for one in self.notes]
@@ -292,6 +289,11 @@ def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file
     return WeatherSeries(times, values[valid])
 
 
+def _shown(value: float, unit_text: str) -> str:
+    """Return a value in the unit in which it is usual; directions are kept in degrees."""
+    return f"{from_si(float(value), '' if unit_text == 'degrees' else unit_text):.4g}"
+
+
 def _existing(given: Columns, name: str, known: WeatherSeries, file: str) -> FloatArray:
     """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
     low, high, unit_text = RANGES[name]
@@ -300,8 +302,7 @@ def _existing(given: Columns, name: str, known: WeatherSeries, file: str) -> Flo
     wrong = np.flatnonzero((values < low - slack) | (values > high + slack))
     if wrong.size:
         k = int(wrong[0])
-        shift, factor = {"degC": (273.15, 1.0), "%": (0.0, 0.01), "mm/h": (0.0, 1 / 3.6e6)}.get(unit_text, (0.0, 1.0))
-        shown = [f"{(v - shift) / factor:.4g}" for v in (values[k], low, high)]
+        shown = [_shown(v, unit_text) for v in (values[k], low, high)]
         raise RecordError(
             f"{name} is {shown[0]} {unit_text} at {_stamp(given.begin, known.times[k])}; it lies in {shown[1]} .. {shown[2]} {unit_text}. "
             "Look at the column's unit, or leave the value empty.",
@@ -398,9 +399,7 @@ def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, float, flo
 def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, time: str | None) -> Columns:
     """Return a plain table as columns; a quantity that the table is asked for by name must be there."""
     table = read_plain(path, time)
-    for quantity in columns or {}:
-        if quantity not in QUANTITIES:
-            raise NameNotFoundError(f"no quantity '{quantity}'.{nearest(quantity, QUANTITIES)}", table.file)
+    refuse_unknown(columns or {}, QUANTITIES, table.file, "no quantity '{}'.", NameNotFoundError)
     wanted = dict(columns or {n: n for n in table.names if n in QUANTITIES})
     found = {q: table.column(column, QUANTITIES[q], USUAL.get(q, "")) for q, column in wanted.items()}
     return Columns(table.times - table.times[0], found, _instant(table.stamp, begin, table.file), _step(table.times), False, {})

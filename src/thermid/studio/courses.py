@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ScenarioError, ThermidError, nearest
+from thermid.errors import ScenarioError, ThermidError, look_up
 from thermid.judge.limits import LimitCheck, Limits, check_limits, read_limits, spans
 from thermid.judge.margins import Margin, margins
 from thermid.model.parts.parameter import UNJUDGED, Standing
@@ -26,7 +26,7 @@ from thermid.qualify.trial import run_test
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
-from thermid.studio.curves import Window, thinned
+from thermid.studio.curves import Window, thinned_curve
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
 
@@ -75,9 +75,7 @@ class Shelf:
         NameNotFoundError   When there is none of that key.
         """
         known = self.courses(desk)
-        if key not in known:
-            raise NameNotFoundError(f"there is nothing called '{key}' to run.{nearest(key, known)}", desk.title)
-        return known[key]
+        return look_up(key, known, "there is nothing called '{}' to run.", desk.title)
 
     def limits(self, desk: Desk) -> tuple[tuple[Limits, ...], str]:
         """Return the limits beside the deck whose nodes its model has, and the files that hold them."""
@@ -433,11 +431,11 @@ def _point(found: Outcome, one: Limits) -> dict[str, Any]:
 
 def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
     trace, run = found.solution[node], found.course
-    times, values = thinned(trace.course[0], trace.course[1] - ICE_POINT, window)
+    times, values = thinned_curve(trace.course[0], trace.course[1] - ICE_POINT, window)
     out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
     band = None if found.bands is None else found.bands.get(node)
     if band is not None:
-        at, error = thinned(band.times, 1.96 * band.error, window, 200)
+        at, error = thinned_curve(band.times, 1.96 * band.error, window, 200)
         out |= {"band_times": at, "band": error, "band_values": np.interp(at, trace.times, trace.celsius)}
     return out
 
@@ -472,7 +470,7 @@ def _moisture(run: ProfileRun | None, window: Window) -> dict[str, Any] | None:
     if run is None or run.moisture is None:
         return None
     wet = run.moisture
-    gases = [(g, *thinned(wet.solution.times, v - ICE_POINT, window)) for g, v in wet.dew_points.items()]
+    gases = [(g, *thinned_curve(wet.solution.times, v - ICE_POINT, window)) for g, v in wet.dew_points.items()]
     surfaces: Sequence[Any] = sorted(wet.surfaces.values(), key=lambda s: float(s.margin.min()))
     return {
         "dew": [{"name": f"dew point of {g}", "times": t, "values": v} for g, t, v in gases],

@@ -11,6 +11,7 @@ import numpy as np
 
 from thermid.errors import DeckError
 from thermid.linear_algebra import Array
+from thermid.reporting.pictures.chart import thinned
 
 Window = tuple[float, float] | None
 POINTS = 1200
@@ -60,12 +61,12 @@ class RunCurves:
     remarks: tuple[str, ...] = ()
 
 
-def thinned(times: Array, values: Array, window: Window = None, points: int = POINTS) -> tuple[Array, Array]:
+def thinned_curve(times: Array, values: Array, window: Window = None, points: int = POINTS) -> tuple[Array, Array]:
     """Return at most `points` samples of a curve that keep its lowest and highest values in every interval shown.
 
     Parameters
     ----------
-    times, values : array (samples,)    Values may have gaps (nan), which stay.
+    times, values : array (samples,)    Values may have gaps (nan), which stay; see `chart.thinned`.
     window : (begin, end)               Only this stretch, with one sample more on either side; all where none is given. [s]
     points : int                        Even; a stretch with fewer samples is returned as it is.
     """
@@ -75,14 +76,7 @@ def thinned(times: Array, values: Array, window: Window = None, points: int = PO
         times, values = times[first:last], values[first:last]
     if times.size <= points:
         return times, values
-    width = -(-2 * times.size // points)
-    padded = np.concatenate([values, np.full(-times.size % width, np.nan)]).reshape(-1, width)
-    begins, gaps = width * np.arange(padded.shape[0]), np.isnan(values)
-    lowest = begins + np.where(np.isnan(padded), np.inf, padded).argmin(axis=1)
-    highest = begins + np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1)
-    kept = np.zeros(times.size, dtype=bool)
-    kept[lowest] = kept[highest] = kept[0] = kept[-1] = True
-    kept |= gaps & ~np.append(False, gaps[:-1])  # where a gap begins, a line must break
+    kept = thinned(values, points)
     return times[kept], values[kept]
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import attached, corrected
 from thermid.fit.problem.residuals import Bench, Problem
@@ -22,8 +22,8 @@ from thermid.reporting.diagrams.diagram import diagram, parts_of
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
 from thermid.simulation.solution import Solution
-from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned
-from thermid.units import unit
+from thermid.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned_curve
+from thermid.units import from_si, in_si, unit
 
 ICE = 273.15
 
@@ -99,10 +99,8 @@ class Desk:
         for path, value in values.items():
             if path in self.others:
                 continue
-            if path not in known:
-                raise NameNotFoundError(f"no slider '{path}'.{nearest(path, known)}", self.title)
-            of = unit(known[path].unit)
-            out |= dict.fromkeys((path, *known[path].also), value * float(of.factor) + float(of.offset))
+            refuse_unknown([path], known, self.title, "no slider '{}'.", NameNotFoundError)
+            out |= dict.fromkeys((path, *known[path].also), in_si(value, known[path].unit))
         return out
 
     def tuned(self, values: Mapping[str, float]) -> Model:
@@ -289,7 +287,7 @@ class Desk:
             left = o.measured - predicted
             rmse, bias, largest = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max())
             (at, simulated), (seen, measured), (apart, rest) = (
-                thinned(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
+                thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
             out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
         return RunCurves(bench.experiment.record.name, tuple(out))
@@ -310,7 +308,7 @@ def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) 
 
 
 def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[ThinnedCurve, ...]:
-    return tuple(ThinnedCurve(n, n, *thinned(solution.times, solution[n].celsius, window)) for n in nodes)
+    return tuple(ThinnedCurve(n, n, *thinned_curve(solution.times, solution[n].celsius, window)) for n in nodes)
 
 
 def _bias(problem: Problem, sensor: str, fitted: Array) -> float:
@@ -353,8 +351,8 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, free: 
     """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
     given = entry.parameter
     of = unit(given.unit or "1")
-    low, high = (None if b is None else _plain(b, given.unit) for b in (given.minimum, given.maximum))
-    at = _plain(value, given.unit)
+    low, high = (None if b is None else from_si(b, of) for b in (given.minimum, given.maximum))
+    at = from_si(value, of)
     log = at > 0 and not of.absolute and (low is None or low > 0)
     span = abs(at) if not of.absolute else 50.0
     low = low if low is not None else at / 5 if log else at - span
@@ -362,8 +360,3 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, free: 
     shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
     note = "; ".join(t for t in (given.note, given.basis) if t)
     return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)
-
-
-def _plain(si: float, text: str) -> float:
-    of = unit(text or "1")
-    return (si - float(of.offset)) / float(of.factor)

@@ -20,7 +20,7 @@ from thermid.measure.record.steadiness import RULES, ChannelStability, Stability
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import forecast
 from thermid.steadiness.stabilisation import Stability
-from thermid.studio.curves import Window, thinned, window_of
+from thermid.studio.curves import Window, thinned_curve, window_of
 from thermid.toml_files import project_root, resolve_inside
 
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
@@ -220,7 +220,7 @@ def _channel(channel: Channel, times: Array, window: Window) -> dict[str, Any]:
     silent = np.flatnonzero(np.diff(times) > BREAK * usual)
     at = np.insert(times, silent + 1, 0.5 * (times[silent] + times[silent + 1])) if silent.size else times
     drawn = np.insert(celsius, silent + 1, np.nan) if silent.size else celsius
-    shown, values = thinned(at, drawn, window)
+    shown, values = thinned_curve(at, drawn, window)
     valid = np.flatnonzero(channel.valid)
     last = int(valid[-1]) if valid.size else None
     gaps = [(float(times[a]), float(times[b]), why, b - a + 1) for why, mask in channel.masks.items() for a, b in _runs(mask)]

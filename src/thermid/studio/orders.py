@@ -12,7 +12,8 @@ import numpy as np
 
 from thermid.errors import DeckError
 from thermid.knowledge.store import model_standing
-from thermid.reporting.pages.views import swap_object
+from thermid.linear_algebra import Array
+from thermid.reporting.pages.views import clean, swap_object
 from thermid.studio.courses import Shelf, outcome_object, profile_for, profile_object
 from thermid.studio.curves import RunCurves, ThinnedCurve, Window, window_of
 from thermid.studio.desk import Desk
@@ -177,18 +178,10 @@ def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:
 
 def as_json(value: object) -> str:
     """Return a value as JSON that a script element cannot break out of; arrays as bytes, numbers that JSON lacks as null."""
-    return json.dumps(_plain(value), allow_nan=False).replace("<", "\\u003c")
+    return json.dumps(clean(value, _packed), allow_nan=False).replace("<", "\\u003c")
 
 
-def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        # text of many numbers takes longer to write and read than a simulation does
-        single = value.size == 0 or not np.nanmax(np.abs(value), initial=0.0) > SINGLE
-        return {"f4" if single else "f8": base64.b64encode(value.astype("<f4" if single else "<f8").tobytes()).decode()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+def _packed(values: Array) -> dict[str, str]:
+    # text of many numbers takes longer to write and read than a simulation does
+    single = values.size == 0 or not np.nanmax(np.abs(values), initial=0.0) > SINGLE
+    return {"f4" if single else "f8": base64.b64encode(values.astype("<f4" if single else "<f8").tobytes()).decode()}

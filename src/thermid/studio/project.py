@@ -15,7 +15,7 @@ from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.retune import RetunePlan, plan_retune
 from thermid.campaign.stages import Campaign, keyed, request_of
-from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.fit.calibrate import fit, fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import build_problem
@@ -32,7 +32,7 @@ from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml, resolve_inside
-from thermid.units import unit
+from thermid.units import in_si
 
 Told = Callable[[int, float], None]
 
@@ -116,8 +116,7 @@ class Project:
         ------
         NameNotFoundError   With the nearest name.
         """
-        if name not in self.stages:
-            raise NameNotFoundError(f"no stage '{name}'.{nearest(name, self.stages)}", self.title)
+        refuse_unknown([name], self.stages, self.title, "no stage '{}'.", NameNotFoundError)
         return name
 
     def look(self, name: str) -> StageState:
@@ -246,8 +245,7 @@ class Project:
         origin, table = ValueOrigin("hand", f"{name}, by hand"), parameter_table(desk.model)
         for s in desk.sliders:
             if s.path in values:
-                of = unit(s.unit)
-                value, start, *ends = (v * float(of.factor) + float(of.offset) for v in (values[s.path], s.value, s.low, s.high))
+                value, start, *ends = (in_si(v, s.unit) for v in (values[s.path], s.value, s.low, s.high))
                 more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
                 states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
         if not states:

@@ -130,7 +130,7 @@ def test_coefficients_are_compared(call: Call) -> None:
     [
         (
             ("export", "DECK", "--as", "spyce"),
-            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave and spice.",
+            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave, spice, sinda, esatan.",
         ),
         (
             ("export", "DECK", "--boundary", "air=24"),

@@ -123,7 +123,9 @@ def test_refused_criteria(found: Calibration, table: dict[str, object], error: t
 
 def test_the_text_says_the_word_and_every_criterion(found: Calibration) -> None:
     text = str(validate(found, run("held", 3), Criteria(rmse="1 [K]", max_error="0.0001 [K]"), title="bench"))
-    first, second, third = text.splitlines()
+    first, second, third, *bands = text.splitlines()
     assert first == "Box on held (bench): FAILED"
     assert second.endswith("limit 1 K: met")
     assert third.endswith("limit 0.0001 K: NOT met")
+    assert any("inside the 95 % band" in line for line in bands)
+    assert bands[-1].lstrip().startswith("worst stretch: ")

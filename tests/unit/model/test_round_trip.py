@@ -94,6 +94,7 @@ pairs = { kind = "radiation", between = ["back", "walls"], exchange_factor = "de
 layer = { kind = "gas", between = ["plate", "back"], area = "2 [cm^2]", gap = "0.5 [mm]", gas = "N2" }
 mount = { kind = "convection", between = ["back", "air"], htc = { length = "3 [cm]", orientation = "down" }, area = "2 [cm^2]" }
 wire = { kind = "lead", between = ["plate", "walls"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "40 [cm]", to = "air" }
+still_air = { kind = "gas", between = ["plate", "back"], area = "200 [cm^2]", gap = "25 [mm]", tilt = "30 [deg]", aspect = "8" }
 rail = { kind = "wedge_lock", between = ["plate", "back"], count = 2, length = "8 [cm]", resistance_length = "0.006 [m K/W]" }
 stream = { kind = "flow", between = ["air", "back"], mass_flow = "0.01 [g/s]", specific_heat = "1006 [J/(kg K)]" }
 valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { points = [

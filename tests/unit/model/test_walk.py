@@ -53,6 +53,7 @@ def test_a_coefficient_on_its_way_to_the_kernel() -> None:
         "curve",
         "signal",
         "second",
+        "controls",
     ]
     assert (row.name, row.ends, type(row.law), row.law.coefficients) == ("film", ("plate", "air"), type(law), law.coefficients)
 

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, IdentificationError, NameNotFoundError
-from thermid.studio.curves import thinned
+from thermid.studio.curves import thinned_curve
 from thermid.studio.project import Project
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -90,10 +90,10 @@ def test_thinning_keeps_the_ends_and_the_extremes() -> None:
     times = np.arange(10_001.0)
     values = np.sin(times / 700.0)
     values[4321] = 9.0
-    shown, seen = thinned(times, values, points=200)
+    shown, seen = thinned_curve(times, values, points=200)
     assert shown.size <= 202
     assert {0.0, 4321.0, 10_000.0} <= set(shown)
     assert seen.max() == 9.0
     assert seen.min() == values.min()
     few = np.arange(5.0)
-    assert thinned(few, few)[0] is few
+    assert thinned_curve(few, few)[0] is few

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
@@ -587,8 +587,7 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
     canonical = network.flat.names.model.canonical(target)
     loads = [load.path for load in network.flat.loads]
     if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
-        if canonical not in loads:
-            raise RecordError(f"no load '{target}' in {network.title}.{nearest(canonical, loads)}", where)
+        refuse_unknown([canonical], loads, where, f"no load '{target}' in {network.title}.", RecordError)
         if channel.role == "auto" and channel.quantity != "power":
             # without a unit a column is read as degrees Celsius, and 4 W would become 277
             raise RecordError(

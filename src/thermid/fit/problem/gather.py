@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from thermid.errors import IdentificationError, RecordError, nearest
+from thermid.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.fit.problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Problem
@@ -69,8 +69,7 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
 def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
-        if sensor not in sensors:
-            raise IdentificationError(f"a weight is given for '{sensor}', which is no sensor here.{nearest(sensor, sensors)}", where)
+        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is no sensor here.", IdentificationError)
         if not (math.isfinite(weight) and weight > 0):
             raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
 
@@ -129,7 +128,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
     for i, experiment in enumerate(experiments):
         named = set()
         for raw, spec in request.locals_of(experiment.record).items():
-            name = _wired(experiment, raw)
+            name = wired(experiment, raw)
             if isinstance(experiment.scenario.boundaries.get(name), TableSignal):
                 raise IdentificationError(
                     f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
@@ -192,7 +191,7 @@ def _tips(experiment: Experiment, name: str) -> list[str]:
     return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
 
 
-def _wired(experiment: Experiment, raw: str) -> str:
+def wired(experiment: Experiment, raw: str) -> str:
     """Return the name in the wiring of a boundary or of ``initial.<node>``."""
     head, _, node = raw.partition(".")
     return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
@@ -238,10 +237,10 @@ def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     if not request.fit_start:
         own = {o.seat: o.sensor for o in experiment.observations}
         found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
-    found |= {_wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    found |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
     found |= {tip: found[name] for name in tuple(found) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
-        for name in (_wired(experiment, raw), *_tips(experiment, _wired(experiment, raw))):
+        for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
             found.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters

@@ -27,7 +27,7 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.problem import Options
-from thermid.units import TEMPERATURE, unit
+from thermid.units import TEMPERATURE, from_si, unit
 
 FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)
 """A fit needs no more than a fraction of the noise of a sensor."""
@@ -297,7 +297,7 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
         logs = np.log(law.at((np.arange(MIDPOINTS) + 0.5) / MIDPOINTS))
         mean = float(np.exp(logs.mean()))
         sd = mean * float(logs.std())
-    shown = (mean - float(of.offset)) / float(of.factor)
+    shown = from_si(mean, of)
     return f"{shown!r} [{of.text}]", f"{sd / float(of.factor)!r} [{'K' if float(of.offset) else of.text}]"
 
 

@@ -66,7 +66,7 @@ def read_esatan(path: str | Path) -> NetworkFile:
     top = _models(deck, list(_lines(deck, path, deck.reading.open(path), ())), path)
     _read(deck, top, "")
     radiating = [c for c in deck.conductors if c.table["kind"] == "radiation"]
-    if radiating and "STEFAN" not in deck.reading.names:
+    if radiating and "stefan" not in deck.parameters:
         deck.reading.remark(radiating[0].where, f"STEFAN is not set; ESATAN's {STEFAN:g} W/(m^2 K^4) is assumed", dropped=False)
     return NetworkFile(
         identifier(top.name or path.stem), "ESATAN", tuple(deck.nodes), tuple(deck.conductors), tuple(deck.loads), deck.parameters,
@@ -181,7 +181,7 @@ def _names(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
             kind = statement.text.strip()[1:].upper()
             continue
         found = re.match(r"(\w+)\s*=\s*(.+)", statement.text, re.DOTALL)
-        if kind in ("CHARACTER", "CONTROL") or found is None or "'" in found[2]:
+        if found is None or kind == "CHARACTER" or "'" in found[2] or (kind == "CONTROL" and found[1].upper() != "STEFAN"):
             continue
         where = statement.part(found.start(2), found.end(2))
         value = deck.reading.value(found[2], where)

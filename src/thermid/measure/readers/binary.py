@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 
 from thermid.errors import MissingDataError, RecordError, UnitError
 from thermid.measure.readers.columns import spelt
+from thermid.measure.readers.matlab_objects import objects_of, series_of
 from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
 from thermid.units import require
 from thermid.units import unit as parsed_unit
@@ -149,32 +151,59 @@ def _named(name: str, unit: str) -> str:
 
 
 def matlab(data: bytes, file: str, separator: str | None) -> Cells:
-    """Return the cells of a MATLAB file of version 5 to 7.2: vectors of one length, also in structures and tables of time and data.
+    """Return the cells of a MATLAB file of version 5 to 7.2: vectors of one length, also in structures and objects of time and data.
 
     Raises
     ------
     RecordError   When it has no time beside vectors of its length, or only objects that no published layout describes.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+    from scipy.io.matlab import MatReadError, MatReadWarning
 
     try:
-        held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
+            held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
     except (MatReadError, *_DAMAGE) as error:
         raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
-    return of_variables(held, file)
+    opaque = any("MatlabOpaque" in type(value).__name__ for value in held.values())
+    return of_variables(held, file, _of_series(objects_of(data, file), file) if opaque else {})
 
 
-def of_variables(held: Mapping[str, Any], file: str) -> Cells:
-    """Return the cells of the variables of a MATLAB file; see `matlab`."""
-    vectors: Vectors = {}
+def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
+    """Return the time and the columns of `timeseries` objects.
+
+    Raises
+    ------
+    RecordError   When two of them have times of their own.
+    """
+    out: Vectors = {}
+    clock = ""
+    for name, properties in objects.items():
+        series = series_of(properties)
+        if series is None or len(series["Time"]) < 2:
+            continue
+        if clock and not np.array_equal(out["Time"][0], series["Time"]):
+            raise RecordError(
+                f"'{clock}' and '{name}' have times of their own. Save one of them in a file of its own: save('log.mat', '{clock}').", file
+            )
+        clock = clock or name
+        out["Time"] = series["Time"], "s"
+        out |= _flattened(name, series["Data"])
+    return out
+
+
+def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = None) -> Cells:
+    """Return the cells of the variables of a MATLAB file, and of the columns of its objects; see `matlab`."""
+    vectors: Vectors = dict(series or {})
     objects = [name for name, value in held.items() if "MatlabOpaque" in type(value).__name__ or "Function" in type(value).__name__]
     for name, value in held.items():
         if not name.startswith("__") and name not in objects:
             vectors |= _flattened(name, value)
     if objects and not _clock_of(vectors):
         raise RecordError(
-            f"'{objects[0]}' is a MATLAB object (timeseries, timetable or table), whose layout is not published. In MATLAB: "
+            f"'{objects[0]}' is a MATLAB object (timetable, table, or a timeseries without numbers), "
+            "whose layout is not published. In MATLAB: "
             f"t = {objects[0]}.Time; T = {objects[0]}.Data; save('log.mat', 't', 'T', '-v7').",
             file,
         )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest, refuse_unknown
+from thermid.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.measure.amounts import amount
 from thermid.measure.record.channel import SAMPLES
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
@@ -56,10 +56,7 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
     out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
     for word, values in extra.items():
         for name, value in values.items():
-            if name not in out:
-                raise NameNotFoundError(
-                    f"{word} is given for '{name}', which is no channel; there are {', '.join(out)}.{nearest(name, out)}", where
-                )
+            refuse_unknown([name], out, where, f"{word} is given for '{{}}', which is no channel; there are {{known}}.", NameNotFoundError)
             if getattr(out[name], word) is not None:
                 raise RecordError(f"its {word} is given twice. Give it in the table or beside it.", f"{where}, channels.{name}")
             field: dict[str, Any] = {word: value}
@@ -114,7 +111,7 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
     text = binding.unit or header_unit or ("%" if drives else "W" if binding.role == "load" else "degC")
     if binding.unit is None and header_unit is None:
         _refuse_by_name(binding, drives, where)
-    try:
+    with errors_at(where):
         of = unit(text)
         if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
             raise RecordError(_PER_CENT.format(f"it is in {text}"))
@@ -126,8 +123,6 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
             require(of.dimension, "W", text)
         elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
             raise RecordError(f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.")
-    except ThermidError as error:
-        raise error.located(where) from None
     if drives:
         return text, "command"
     for quantity, known in (("temperature", "K"), ("power", "W"), ("command", "1")):

@@ -10,16 +10,16 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
 from thermid.measure.amounts import amount
 from thermid.measure.readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure.readers.columns import decimal_sign, find_column, kelvin_sized, name_and_unit, numbers
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
-from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, from_unit, with_sensor
+from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure.record.record import Record
-from thermid.units import require, unit
+from thermid.units import in_si, require, unit
 
 OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
@@ -156,7 +156,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
 
     made = Channel.of(
         binding.name,
-        from_unit(samples, unit_text) * scale,
+        in_si(samples, unit_text) * scale,
         quantity=quantity if watts is None else "power",
         role=binding.role,
         target=binding.target,
@@ -307,8 +307,7 @@ class PlainTable:
         return self._clock[1]
 
     def _at(self, name: str) -> int:
-        if name not in self.names:
-            raise NameNotFoundError(f"no column '{name}'.{nearest(name, self.names)}", self.file)
+        refuse_unknown([name], self.names, self.file, "no column '{}'.", NameNotFoundError)
         return self.names.index(name)
 
     def column(self, name: str, slot: str, usual: str = "") -> FloatArray:
@@ -333,12 +332,10 @@ class PlainTable:
         text = usual if usual and self.heads[at][1] is None else self.heads[at][1] or ("K" if slot == "temperature" else slot)
         if slot == "1" and text in ("deg", "°"):
             text = "1"
-        try:
+        with errors_at(self.cells.where(None, name)):
             of = unit(text)
             require(of.dimension, slot, text, of.absolute)
-        except ThermidError as error:
-            raise error.located(self.cells.where(None, name)) from None
-        return parsed * float(of.factor) + float(of.offset)
+        return in_si(parsed, of)
 
     def whole(self, name: str, slot: str, usual: str = "") -> FloatArray:
         """Return the values (samples,) of a column without holes. [SI]

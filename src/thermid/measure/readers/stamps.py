@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError
+from thermid.errors import NameNotFoundError, RecordError, errors_at
 from thermid.measure.amounts import duration_text
 from thermid.measure.readers.columns import find_column, name_and_unit, numbers
 from thermid.measure.readers.textfile import MISSING, Cells
@@ -301,11 +301,9 @@ def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
                 cells.where(None, name),
             )
         return 1e-3 if tail in ("ms", "millis", "millis()") else 1.0
-    try:
+    with errors_at(cells.where(None, name)):
         of = unit(unit_text)
         require(of.dimension, "s", unit_text, of.absolute)
-    except ThermidError as error:
-        raise error.located(cells.where(None, name)) from None
     return float(of.factor)
 
 

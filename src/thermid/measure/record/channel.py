@@ -11,10 +11,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.errors import NameNotFoundError, RecordError, nearest, refuse_unknown
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.units import format_value, unit
+from thermid.units import format_value
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -141,8 +141,7 @@ class Channel:
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
         if self.samples not in ("", *SAMPLES):
             raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where)
-        if self.role not in ROLES:
-            raise RecordError(f"no role '{self.role}'; it is one of {', '.join(ROLES)}.{nearest(self.role, ROLES)}", where)
+        refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
         for word, size, least in (
             ("noise", self.noise, "above"),
             ("accuracy", self.accuracy, "not below"),
@@ -250,12 +249,6 @@ EVEN: Final = 0.01
 """Share of the mean interval by which intervals of an even grid may differ from it."""
 
 
-def from_unit(values: FloatArray, text: str) -> FloatArray:
-    """Return SI values of numbers in a unit."""
-    of = unit(text)
-    return values * float(of.factor) + float(of.offset)
-
-
 def usual_step(times: FloatArray) -> float:
     """Return the median of the intervals; zero for a single sample [s]."""
     return float(np.median(np.diff(times))) if times.size > 1 else 0.0
@@ -326,21 +319,7 @@ class SecondClock:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
-    """Measured channels on one axis of times: what a `Record` holds, and what of it is looked at without changing it.
-
-    Parameters
-    ----------
-    name : str                       Its name.
-    times : array (samples,)         Strictly increasing times. [s]
-    channels : mapping to Channel    Channels by name.
-    origin : Origin                  Where the samples came from; kept by every copy.
-    steps : tuple of str             What was done to the samples, in words and numbers.
-    second : SecondClock or None     A clock beside its own that a fit has yet to find.
-
-    Raises
-    ------
-    RecordError   When times do not increase, lengths differ, or two channels have one target.
-    """
+    """What a `Record` holds, with the same fields, and what of it is looked at without changing it."""
 
     name: str
     times: FloatArray

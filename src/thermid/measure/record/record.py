@@ -31,7 +31,6 @@ from thermid.measure.record.channel import (
     SecondClock,
     digest,
     even_step,
-    from_unit,
     gap_from,
     gap_limit,
     stretch,
@@ -40,7 +39,7 @@ from thermid.measure.record.channel import (
 from thermid.measure.record.scatter import step_of
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.units import TEMPERATURE, format_value, unit
+from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -381,7 +380,7 @@ class Record(Samples):
             if not isinstance(table, Mapping) or len(table) != 1:
                 raise RecordError(f"{table!r} is no step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
             ((name, given),) = table.items()
-            refuse_unknown(table, STEPS, where, "step")
+            refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
             options = _options(STEPS[name], given, f"{where}, {name}")
             try:
                 record = getattr(record, STEPS[name].method)(**options)
@@ -531,7 +530,7 @@ STEPS: Final = {
 def _options(step: Step, given: object, where: str) -> dict[str, object]:
     """Return the options of one step by name."""
     if isinstance(given, Mapping):
-        refuse_unknown(given, step.options, where, "option")
+        refuse_unknown(given, step.options, where, "no option '{}'; there are {known}.")
         options = dict(given)
     elif given is True and step.required == 0:
         options = {}
@@ -549,11 +548,11 @@ def _options(step: Step, given: object, where: str) -> dict[str, object]:
 def _texts(values: FloatArray, text: str) -> list[str]:
     """Return SI values as numbers in a unit, short where the short form gives the same SI value again."""
     of = unit(text)
-    numbers = ((values - float(of.offset)) / float(of.factor)).tolist()
+    numbers = from_si(values, of).tolist()
     texts = [f"{number:.17g}" for number in numbers]
     # the offset of a scale leaves rounding in late decimals; the first form that gives the same SI value again is the one of the file
     for short in ([f"{number:.15g}" for number in numbers], [f"{round(number, 9):.15g}" for number in numbers]):
-        same = (from_unit(np.array(list(map(float, short))), text) == values).tolist()
+        same = (in_si(np.array(list(map(float, short))), text) == values).tolist()
         texts = [brief if good else long for brief, good, long in zip(short, same, texts, strict=True)]
     return texts
 

@@ -13,7 +13,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, nearest
+from thermid.errors import RecordError, look_up, nearest
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import Channel, FloatArray, Samples, stretch
 from thermid.measure.record.scatter import step_of
@@ -389,9 +389,7 @@ class SteadyPoint(Generic[R]):
         ------
         NameNotFoundError   With the nearest name.
         """
-        if name not in self.values:
-            raise NameNotFoundError(f"no channel '{name}'.{nearest(name, self.values)}", self.name)
-        return self.values[name]
+        return look_up(name, self.values, "no channel '{}'.", self.name)
 
     @property
     def record(self) -> R:

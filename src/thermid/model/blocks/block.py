@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.errors import DeckError, NameNotFoundError, nearest
+from thermid.errors import DeckError, NameNotFoundError, refuse_unknown
 from thermid.linear_algebra import Array, Ints
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Signal, literal, signal
@@ -258,8 +258,7 @@ class Block:
 
     def heater_cells(self, name: str) -> Ints:
         """Return the places (cells,) of the cells of a heater."""
-        if name not in self.heaters:
-            raise NameNotFoundError(f"no heater '{name}'.{nearest(name, self.heaters)}", self.title)
+        refuse_unknown([name], self.heaters, self.title, "no heater '{}'.", NameNotFoundError)
         return self._places(self.heaters[name].cells)
 
     def _places(self, chosen: tuple[slice, ...]) -> Ints:

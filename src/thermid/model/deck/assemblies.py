@@ -206,7 +206,11 @@ class LadderTable(StrictTable):
         for k, (resistance, capacitance) in enumerate(rungs, start=1):
             parameters |= {f"R{k}": {"value": f"{resistance!r} [K/W]"} | known, f"C{k}": {"value": f"{capacitance!r} [J/K]"} | known}
             nodes[names[k - 1]] = {"capacitance": f"C{k}"}
-            conductors[f"to_{names[k]}"] = {"kind": "conduction", "between": names[k - 1 : k + 1], "resistance": f"R{k}"}
+            conductors[f"to_{names[k]}" if k < len(rungs) else "out"] = {
+                "kind": "conduction",
+                "between": names[k - 1 : k + 1],
+                "resistance": f"R{k}",
+            }
         deck = {"title": f"ladder {name}", "needs": ["to"], "offers": list(nodes), "parameters": parameters, "nodes": nodes}
         deck |= {"conductors": conductors, "loads": {"heat": {"into": "junction", "power": "0 [W]"}}}
         return Assembly(deck, {"to": self.to}, {"heat.power": _written(self.power)} if self.power is not None else {})

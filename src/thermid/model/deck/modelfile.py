@@ -206,7 +206,7 @@ def _assembled(name: str, made: Assembly, site: _Site, key: str) -> Instances:
 def _check_names(model: Model) -> None:
     """Refuse names that are no names, one name for two things, and aliases that lead in a circle."""
     seen: dict[str, str] = {}
-    tables = ("parameters", "nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "submodels")
+    tables = ("parameters", *TABLES, "submodels")
     given = [(name, f"{table}.{name}", f"one of {table}") for table in tables for name in getattr(model, table)]
     given += [(need, "needs", "a need") for need in model.needs]
     given += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]

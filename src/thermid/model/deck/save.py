@@ -46,7 +46,7 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     files: dict[Path, Model] = {}
     _collect(model, target, files)
     files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
-    texts = {file: _text(part, pattern if file == target else None) for file, part in files.items()}
+    texts = {file: model_text(part, pattern if file == target else None) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
     changed = target if pattern is not None and _one_file(pattern, target) else None
     kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
@@ -78,7 +78,7 @@ def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
         _collect(part.model, path.parent / _file_name(part.model.title), files)
 
 
-def _text(model: Model, like: Path | None) -> str:
+def model_text(model: Model, like: Path | None = None) -> str:
     """Return the TOML of one deck; layers laid over it become its [set] or its values."""
     data = to_dict(model)
     data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}
@@ -99,16 +99,17 @@ def _text(model: Model, like: Path | None) -> str:
 def _lay(data: dict[str, Any], path: str, value: Any) -> None:
     """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
     head, _, rest = path.partition(".")
-    tables = ("nodes", "surfaces", "conductors", "joints", "loads")
+    tables = ("nodes", "surfaces", "conductors", "joints", "loads", "controls")
     home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
     key = rest
     if path in data.get("set", {}):
         home, key = data["set"], path
     elif home is None:
         home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
-    elif "." in rest:
-        group, _, key = rest.partition(".")
-        home = home[group]
+    else:
+        while "." in key:
+            group, _, key = key.partition(".")
+            home = home[group]
     home[key] = value
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import ConfigDict, Field, create_model
 
 from thermid.errors import DeckError, ThermidError, nearest
 from thermid.grammar import StrictTable, reads
@@ -20,6 +20,7 @@ from thermid.model.deck.fields import (
     Coefficient,
     CurveTable,
     ElementTable,
+    Points,
     Property,
     Real,
     Tabulated,
@@ -32,6 +33,7 @@ from thermid.model.laws.curves import Curve, limited
 from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
 from thermid.model.laws.stores import melting, tabulated
+from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, Transition, check_modes, followed, of_difference
 from thermid.model.parts.elements import (
     CONTROLS,
     LOAD_SLOTS,
@@ -45,6 +47,7 @@ from thermid.model.parts.elements import (
     Node,
     Surface,
     finish_emissivity,
+    gap_scatter,
 )
 from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
@@ -56,6 +59,15 @@ LIQUID = "liquid"
 """What a stream names that no pressure touches."""
 MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
 """Fields of a node that melts, beside its mass and specific heat, with their units."""
+
+
+Controlled: TypeAlias = str | list[str]
+"""Names of controls by which something is multiplied; ``1 - name`` takes the rest of one."""
+
+
+def control_names(written: str | list[str] | None) -> tuple[str, ...]:
+    """Return the names of controls as an element holds them."""
+    return () if written is None else (written,) if isinstance(written, str) else tuple(written)
 
 
 class NodeTable(ElementTable):
@@ -137,6 +149,8 @@ class SurfaceTable(ElementTable):
     facing: Annotated[Facing, reads(FacingTable, _facing)] | None = None
     sees: str = ""
     radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
+    htc_control: Controlled | None = None
+    emissivity_control: Controlled | None = None
 
     def element(self, where: Where) -> Surface:
         """Return the surface."""
@@ -153,7 +167,13 @@ class SurfaceTable(ElementTable):
         if self.sees and self.radiates_to:
             raise DeckError("sees and radiates_to are one thing under two names. Give sees.", where(""))
         words = self.words(KINDS["convection"].words)
-        return Surface(self.of, self.to, fields, self.sees or self.radiates_to, self.test_only, self.finish, words, self.facing)
+        controls = {what: control_names(given) for what in ("htc", "emissivity") if (given := getattr(self, f"{what}_control"))}
+        if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
+            raise DeckError("emissivity_control needs an emissivity or a finish, beside htc.", where("emissivity_control"))
+        if "htc" in controls and self.htc is None and self.effective_htc is None:
+            raise DeckError("htc_control needs htc or effective_htc.", where("htc_control"))
+        sees = self.sees or self.radiates_to
+        return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
 
 
 class Gap(StrictTable):
@@ -318,6 +338,7 @@ class LoadTable(ElementTable):
     sine: SinePower | None = None
     thermostat: Thermostat | None = None
     proportional: Proportional | None = None
+    control: Controlled | None = None
 
     def element(self, where: Where) -> HeatLoad:
         """Return the heat load."""
@@ -333,6 +354,8 @@ class LoadTable(ElementTable):
             raise DeckError(f"{curved[0]} and a table are two laws of one temperature; put both into the table.", where(""))
         if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
             raise DeckError("proportional needs gain [W/K] or band [K]; one of them.", where("proportional"))
+        if "proportional.gain" in fields and self.control is not None:
+            raise DeckError("a gain in W/K refers to a power, which a control changes. Give band in K.", where("proportional"))
         if "proportional.gain" in fields and shape is not None:
             raise DeckError("a gain in W/K refers to a power, which a table has not. Give band in K.", where("proportional"))
         if curved and self.reference_temperature is None:
@@ -343,7 +366,124 @@ class LoadTable(ElementTable):
             raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(""))
         sensor = getattr(self, controls[0]).sensor if controls else ""
         cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
-        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only, cycle)
+        by = control_names(self.control)
+        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only, by, cycle)
+
+
+class ThermostatControl(StrictTable):
+    """A heater's thermostat, on below and off above; a cooler's, on above and off below."""
+
+    on_below: Value | None = None
+    off_above: Value | None = None
+    on_above: Value | None = None
+    off_below: Value | None = None
+
+
+class ProportionalControl(StrictTable):
+    """A share that rises from zero at the set point to one a band below it; a negative band cools: one a band above it."""
+
+    setpoint: Value
+    band: Value
+    lowest: Value | None = None
+    highest: Value | None = None
+
+
+class PidControl(StrictTable):
+    """A PID controller in series form, between two limits; its integral part stops at them."""
+
+    setpoint: Value
+    band: Value
+    integral_time: Value
+    derivative_time: Value | None = None
+    filter_time: Value | None = None
+    lowest: Value | None = None
+    highest: Value | None = None
+    begins: Value | None = None
+
+
+class TransitionTable(StrictTable):
+    """A way from one mode to another: above or below a temperature, or after a time in the mode."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    before: Annotated[str, Field(alias="from")]
+    after_mode: Annotated[str, Field(alias="to")]
+    above: Value | None = None
+    below: Value | None = None
+    after: Value | None = None
+    follows: str | list[str] | dict[str, Real] | None = None
+
+
+class ControlTable(ElementTable):
+    """A share that follows temperatures, by which loads, conductors, surfaces and boundaries are multiplied."""
+
+    follows: str | list[str] | dict[str, Real] | None = None
+    thermostat: ThermostatControl | None = None
+    proportional: ProportionalControl | None = None
+    pid: PidControl | None = None
+    table: CurveTable | None = None
+    modes: dict[str, Value] | None = None
+    starts: str = ""
+    transitions: Annotated[dict[str, TransitionTable], Field(default_factory=dict)]
+    sample: str | None = None
+
+    def element(self, where: Where) -> Control:
+        """Return the control."""
+        kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
+        if len(kinds) != 1:
+            said = f"; given: {' and '.join(kinds)}" if kinds else ""
+            raise DeckError(f"a control is one of {', '.join(KINDS_OF_CONTROL)}{said}.", where(""))
+        kind = kinds[0]
+        if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
+            raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
+        follows = followed(self.follows, where("follows")) if self.follows is not None else {}
+        sample = literal(self.sample, "s", where("sample")) if self.sample is not None else 0.0
+        if self.sample is not None and not sample > 0.0:
+            raise DeckError("a sample time lies above zero.", where("sample"))
+        if sample and kind not in ("proportional", "pid", "table"):
+            raise DeckError(f"a sample time belongs to proportional, pid or table; {kind} acts at the instant it is due.", where("sample"))
+        fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in CONTROL_SLOTS))
+        fields |= {f"modes.{name}": value for name, value in (self.modes or {}).items()}
+        self._check(kind, follows, fields, where)
+        shape = curve_of(self.table, "1", where("table"))
+        ways = {name: self._transition(t, where(f"transitions.{name}")) for name, t in self.transitions.items()}
+        fields |= {f"transitions.{name}.{t.sense}": getattr(self.transitions[name], t.sense) for name, t in ways.items()}
+        out = Control(kind, follows, fields, shape, self.starts, ways, sample, self.test_only)
+        if kind == "modes":
+            check_modes(out, where(""))
+        return out
+
+    def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
+        """Refuse what does not go together in one control."""
+        if kind != "modes" and (self.transitions or self.starts):
+            raise DeckError("starts and transitions belong to modes.", where(""))
+        if kind == "modes" and not (self.starts and self.transitions):
+            raise DeckError("modes need starts (the mode at the start) and transitions.", where(""))
+        if kind == "thermostat":
+            ends = {name.partition(".")[2] for name in fields}
+            if ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}):
+                raise DeckError(
+                    "a thermostat has on_below and off_above (it heats), or on_above and off_below (it cools).", where("thermostat")
+                )
+        if kind == "pid":
+            derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
+            if len(derived) == 1:
+                raise DeckError("a derivative needs derivative_time and filter_time, both.", where("pid"))
+            if len(follows) > (1 if derived else 2):
+                raise DeckError(
+                    f"a PID control follows one node with a derivative part, two without; {len(follows)} are given.", where("pid")
+                )
+        if kind == "table" and isinstance(self.table, Points):
+            if self.table.over == "difference" and not of_difference(follows):
+                raise DeckError("a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.", where("table"))
+            if self.table.outside == "refuse":
+                raise DeckError("a control's table is held or goes on outside its points; it cannot refuse a temperature.", where("table"))
+
+    def _transition(self, t: TransitionTable, where: str) -> Transition:
+        senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
+        if len(senses) != 1:
+            raise DeckError("a transition has one of above, below (a temperature) and after (a time in its mode).", where)
+        return Transition(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
 class MadeInTable(StrictTable):
@@ -382,6 +522,20 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
         )
 
 
+def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: str) -> None:
+    """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
+    if not {"tilt", "aspect"} & set(words):
+        if "convection_factor" in fields:
+            raise DeckError("a convection_factor belongs to a gap that convects: give tilt and aspect.", where)
+        return
+    if not {"tilt", "aspect"} <= set(words):
+        raise DeckError('a gap that convects has tilt ("0 [deg]": its first end below) and aspect (height over thickness).', where)
+    tilt, aspect = degrees(words["tilt"], where), literal(words["aspect"], "1", where)
+    if not (0.0 <= tilt <= 180.0 and 1.0 <= aspect < float("inf")):
+        raise DeckError(f"a gap has a tilt from 0 to 180 degrees and an aspect of 1 or more, not {tilt:g} and {aspect:g}.", where)
+    fields.setdefault("convection_factor", gap_scatter(words, where))
+
+
 class _ConductorTable(ElementTable):
     """A path of heat between two nodes."""
 
@@ -392,6 +546,9 @@ class _ConductorTable(ElementTable):
     gas: str = ""
     fluid: str = ""
     to: str = ""
+    tilt: str = ""
+    aspect: str = ""
+    control: Controlled | None = None
 
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
@@ -402,6 +559,8 @@ class _ConductorTable(ElementTable):
         if shape is not None and not kind.tabulated:
             raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
+        if self.kind == "gas":
+            _check_gap(fields, words, where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         points = curve_of(self.table, "W/K", where(""))
@@ -418,7 +577,7 @@ class _ConductorTable(ElementTable):
         if self.takes and "area" not in fields:
             raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
         law = shape if points is None else limited(points)
-        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, control_names(self.control))
 
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
@@ -490,6 +649,7 @@ class Deck(StrictTable):
     joints: dict[str, JointTable] = {}
     enclosures: dict[str, EnclosureTable] = {}
     loads: dict[str, LoadTable] = {}
+    controls: dict[str, ControlTable] = {}
     submodels: dict[str, SubmodelTable] = {}
     packages: dict[str, PackageTable] = {}
     ladders: dict[str, LadderTable] = {}
@@ -501,7 +661,7 @@ class Deck(StrictTable):
     made_in: dict[str, MadeInTable] = {}
 
 
-GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "submodels", "packages", "ladders", "coolers")
+GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls", "submodels", "packages", "ladders", "coolers")
 """Groups of a deck whose elements a table of rows may make."""
 
 

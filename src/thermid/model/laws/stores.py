@@ -18,7 +18,7 @@ from thermid.model.laws.curves import Curve, curve, ends, hermite, limited, slop
 
 TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}
 """Fields that may be a table over temperature, with the unit of their values."""
-SLOPES: Final = {"W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}
+SLOPES: Final = {"1": "1/K", "W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}
 """Unit of the values of a table -> unit of its slopes over temperature."""
 COLDEST, HOTTEST = 1.0, 6000.0
 """Temperatures to which a property is held constant beyond its table. [K]"""

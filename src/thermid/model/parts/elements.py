@@ -9,9 +9,10 @@ import numpy as np
 
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal, TableSignal
-from thermid.model.parts.facing import Facing
+from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
+from thermid.physics.correlations import GapLaw
 from thermid.physics.finishes import finish
 
 Fields = Mapping[str, Parameter]
@@ -72,6 +73,7 @@ class Conductor:
     takes : tuple of str    Surfaces that its area is taken from, in the ledger.
     test_only : bool        Whether it exists on the bench only.
     words : dict            What the kind needs that is no number: a gas, a correlation.
+    controls : tuple        Controls whose shares its heat flow is multiplied by; ``1 - name`` takes the rest of one.
     """
 
     kind: str
@@ -81,6 +83,7 @@ class Conductor:
     takes: tuple[str, ...] = ()
     test_only: bool = False
     words: Mapping[str, str] = field(default_factory=dict)
+    controls: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,7 @@ class Surface:
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
     words : dict        Correlation and orientation, where the coefficient comes from one.
     facing : Facing     Where it looks, for sun and sky; None where nobody said.
+    controls : dict     htc or emissivity -> controls whose shares it is multiplied by; what an emissivity absorbs goes with it.
     """
 
     of: str
@@ -106,6 +110,7 @@ class Surface:
     finish: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
     facing: Facing | None = None
+    controls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def is_effective(self) -> bool:
@@ -117,6 +122,13 @@ def finish_emissivity(name: str, where: str) -> Parameter:
     """Return the emissivity of a finish."""
     surface = finish(name, where)
     return parameter({"value": surface.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": surface.basis}, where)
+
+
+def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:
+    """Return the factor on the convection of a closed gap: one, with the scatter of its correlation as bounds."""
+    law = GapLaw(degrees(words["tilt"], where), float(words["aspect"]))
+    known = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
+    return parameter(known | {"basis": f"scatter of {law.name} about their correlation"}, where)
 
 
 @dataclass(frozen=True)
@@ -198,6 +210,7 @@ class HeatLoad:
     sensor : str            The node whose temperature a thermostat or proportional control follows; `into` when empty. What the load would
                             give without control follows `into`.
     curve : Curve or None   Power over the node's temperature. [W]
+    controls : tuple        Controls whose shares its power is multiplied by, beside its own; ``1 - name`` takes the rest of one.
     cycle : Cycle or None   What its power is multiplied with, over and over; None for a steady load. [-]
     """
 
@@ -206,6 +219,7 @@ class HeatLoad:
     sensor: str = ""
     curve: Curve | None = None
     test_only: bool = False
+    controls: tuple[str, ...] = ()
     cycle: Cycle | None = None
 
 

@@ -151,7 +151,7 @@ def _gas(f: Fields) -> Law:
     share = f.get("accommodation", ACCOMMODATION)
     if not 0.0 < value_of(share) <= 1.0:
         raise DeckError(f"an accommodation of {value_of(share):g} does not exist; give one above 0, up to 1.")
-    return Law("gas", (f["area"], f["gap"], share), "rest")
+    return Law("gas", (f["area"], f["gap"], share, f.get("convection_factor", 1.0)), "rest")
 
 
 def _convection(f: Fields) -> Law:
@@ -290,9 +290,9 @@ KINDS: Final[Mapping[str, Kind]] = {
     "gas": Kind(
         _gas,
         (_ALL({"area", "gap"}),),
-        {**_AREA, "gap": "m", "accommodation": "1"},
-        optional=_ALL({"accommodation"}),
-        words=_ALL({"gas"}),
+        {**_AREA, "gap": "m", "accommodation": "1", "convection_factor": "1"},
+        optional=_ALL({"accommodation", "convection_factor"}),
+        words=_ALL({"gas", "tilt", "aspect"}),
     ),
     "effective": Kind(_effective, (_ALL({"effective_htc", "area"}),), {"effective_htc": "W/(m^2 K)", **_AREA}),
     "radiation": Kind(

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, get_args
 from typing import Literal as OneOf
 
-from thermid.errors import DeckError, ThermidError, UnitError
+from thermid.errors import DeckError, UnitError, errors_at
 from thermid.expression import Expression, Literal, parse
 from thermid.model.laws.options import Source
-from thermid.units import describe, unit
+from thermid.units import describe, from_si, unit
 
 State = OneOf["credible", "unjudged", "not adequate", "not credible", "failed"]
 ORDER: tuple[State, ...] = get_args(State)
@@ -182,7 +182,7 @@ def exact(value: float, unit_text: str, note: str = "") -> Parameter:
     import ast
 
     of = unit(unit_text)
-    plain = (value - float(of.offset)) / float(of.factor)
+    plain = from_si(value, of)
     tree = ast.parse(repr(abs(plain)), mode="eval").body
     return Parameter(Expression(f"{plain!r} [{unit_text}]", (), Literal(value, of), tree), source="", note=note)
 
@@ -230,7 +230,7 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
     if isinstance(value, Parameter):
         return value
     table: Mapping[str, Any] = value if isinstance(value, Mapping) else {"value": value}
-    try:
+    with errors_at(where):
         unknown = set(table) - {"value", "min", "max", "source", "note", "basis"}
         if unknown or "value" not in table:
             raise DeckError(
@@ -245,8 +245,6 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         if source and source not in SOURCES:
             raise DeckError(f"source '{source}' is none of {', '.join(SOURCES)}.")
         return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
-    except ThermidError as error:
-        raise error.located(where) from None
 
 
 def check_bounds(value: float, given: Parameter, where: str) -> None:
@@ -260,7 +258,7 @@ def check_bounds(value: float, given: Parameter, where: str) -> None:
         if bound is not None and (value - bound) * beyond > 1e-12 * abs(bound):
             word = "below" if beyond < 0 else "above"
             of = unit(given.unit or "1")
-            shown = [f"{(v - float(of.offset)) / float(of.factor):.6g}" for v in (value, bound)]
+            shown = [f"{from_si(v, of):.6g}" for v in (value, bound)]
             raise DeckError(
                 f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Values are never moved into bounds silently.", where
             )

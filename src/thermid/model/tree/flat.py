@@ -9,10 +9,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.errors import DeckError, ThermidError, quoted
+from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import HeatStore, potential, store
+from thermid.model.parts.controls import COMPLEMENT, Control, Transition, named_control, of_difference, slot_of
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.parts.enclosures import Face, pairs
 from thermid.model.parts.facing import Facing
@@ -70,6 +71,7 @@ class FlatConductor:
     where: str = ""
     recipe: Callable[[Mapping[str, Any]], Law] | None = None
     words: Mapping[str, str] = field(default_factory=dict)
+    controls: tuple[str, ...] = ()
 
     def laws(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
         """Return the rows that it is at the values of its fields (float or Dual, SI)."""
@@ -89,20 +91,37 @@ class FlatLoad:
     where: str = ""
     takes: tuple[Take, ...] = ()
     flux: Callable[[Mapping[str, Signal]], Signal] | None = None
+    controls: tuple[str, ...] = ()
     cycle: Signal | None = None
 
     @property
     def follows_temperature(self) -> bool:
         """Whether its power changes with a temperature other than by being switched."""
         laws = ("proportional.setpoint", "command_curve")
-        return self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
+        return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
+
+
+@dataclass(frozen=True)
+class FlatControl:
+    """A control: canonical nodes with their weights, field -> parameter path; of transitions the nodes that they follow."""
+
+    path: str
+    control: Control
+    follows: tuple[tuple[str, float], ...]
+    fields: Mapping[str, str]
+    ways: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
+    where: str = ""
+
+    def transition(self, name: str) -> tuple[Transition, tuple[tuple[str, float], ...]]:
+        """Return a transition and what it follows."""
+        return self.control.transitions[name], self.ways[name]
 
 
 @dataclass(frozen=True)
 class FlatSurface:
     """A surface as radiation from outside meets it: field -> parameter path; what it sees, nothing where that is an enclosure's faces.
 
-    `exchange` is htc or effective_htc, whichever it has, or empty.
+    `exchange` is htc or effective_htc, whichever it has, or empty; `controls` those of its emissivity.
     """
 
     node: str
@@ -113,6 +132,7 @@ class FlatSurface:
     sees: str = ""
     where: str = ""
     exchange: str = ""
+    controls: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -128,6 +148,7 @@ class Flat:
     finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
     faces : dict                        Surface path -> the surface as radiation from outside meets it.
     made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where it says so.
+    controls : dict                     Control path -> the control.
     """
 
     names: Names
@@ -139,6 +160,7 @@ class Flat:
     finishes: Mapping[str, str] = field(default_factory=dict)
     faces: Mapping[str, FlatSurface] = field(default_factory=dict)
     made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
+    controls: Mapping[str, FlatControl] = field(default_factory=dict)
 
 
 def flatten(model: Tree) -> Flat:
@@ -154,6 +176,7 @@ def flatten(model: Tree) -> Flat:
     nodes: list[FlatNode] = []
     conductors: list[FlatConductor] = []
     loads: list[FlatLoad] = []
+    controls: dict[str, FlatControl] = {}
     surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
     finishes: dict[str, str] = {}
     faces: dict[str, FlatSurface] = {}
@@ -181,15 +204,18 @@ def flatten(model: Tree) -> Flat:
             gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
             law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
             made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
+            made = replace(made, controls=_controls(owner, prefix, c.controls, key))
             conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
+        for name, control in owner.controls.items():
+            controls[prefix + name] = _control(owner, prefix, name, control, names)
     made_in = tuple(
         (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
         for owner, prefix in model.walk()
         for gas, state in owner.made_in.items()
     )
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in)
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in, controls)
     _check_slots(flat)
     return flat
 
@@ -239,6 +265,7 @@ def _surface(
     """Return the conductors that a surface stands for: what convects, and what radiates when that is apart and no enclosure has it."""
     key = f"surfaces.{name}"
     path = prefix + name
+    by = {what: _controls(owner, prefix, several, key) for what, several in surface.controls.items()}
     a, b = names.end(owner, prefix, surface.of, key), names.end(owner, prefix, surface.to, key)
     fields = {f: f"{path}.{f}" for f in surface.fields}
     out = []
@@ -247,6 +274,7 @@ def _surface(
     if surface.is_effective:
         sees = names.seen(owner, prefix, surface.sees or surface.to, key)
         held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
+        held = replace(held, controls=by.get("htc", ()))
         if not emissivity or sees == b:
             return [held]
         left = {"emissivity": emissivity, "area": fields["area"]}
@@ -255,11 +283,17 @@ def _surface(
             FlatConductor(f"{path}.radiation", "radiation", (a, sees), left, None, takes, gas=b, where=owner.where(key), recipe=_left),
         ]
     if len(fields) > 1:
-        out.append(FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words))
+        made = FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words)
+        out.append(replace(made, controls=by.get("htc", ())))
     if emissivity and not enclosed:
         to = names.seen(owner, prefix, surface.sees or surface.to, key)
         radiating = {"emissivity": emissivity, "area": fields["area"]}
-        out.append(FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key)))
+        made = FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key))
+        out.append(replace(made, controls=by.get("emissivity", ())))
+    if enclosed and by.get("emissivity"):
+        raise DeckError(
+            "a face of an enclosure has a constant emissivity: what it exchanges hangs on all its reflections.", owner.where(key)
+        )
     return out
 
 
@@ -270,7 +304,8 @@ def _face(owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Ta
     to = names.end(owner, prefix, surface.to, key)
     sees = "" if enclosed else names.seen(owner, prefix, surface.sees or surface.to, key)
     exchange = next((f.partition(".")[0] for f in surface.fields if f.partition(".")[0] in ("htc", "effective_htc")), "")
-    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, sees, owner.where(key), exchange)
+    by = _controls(owner, prefix, surface.controls.get("emissivity", ()), key)
+    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, sees, owner.where(key), exchange, by)
 
 
 def _left(fields: Mapping[str, Any]) -> Law:
@@ -322,7 +357,42 @@ def _load(owner: Tree, prefix: str, name: str, load: HeatLoad, names: Names) -> 
     sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
     fields = {f: f"{prefix}{name}.{f}" for f in load.fields}
     cycle = load.cycle.signal() if load.cycle is not None else None
-    return FlatLoad(prefix + name, node, sensor, fields, load.curve, owner.where(key), cycle=cycle)
+    by = _controls(owner, prefix, load.controls, key)
+    return FlatLoad(prefix + name, node, sensor, fields, load.curve, owner.where(key), controls=by, cycle=cycle)
+
+
+def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[str, ...]:
+    """Return the canonical paths of controls by the names that an element gives them, ``1 - path`` where the rest of one is taken.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such control, here or in a part.
+    """
+    out: list[str] = []
+    for each in raw:
+        name, rest = named_control(each)
+        path = owner.canonical(name)
+        head, _, tail = path.rpartition(".")
+        part = owner.submodel(head) if head else owner
+        if tail not in part.controls:
+            raise NameNotFoundError(
+                f"no control '{name}'.{nearest(tail, part.controls)} Declare it under controls.", owner.where(f"{key}.control")
+            )
+        if prefix + path in {named_control(c)[0] for c in out}:
+            raise DeckError(f"the control '{name}' stands twice.", owner.where(f"{key}.control"))
+        out.append(f"{COMPLEMENT}{prefix}{path}" if rest else prefix + path)
+    return tuple(out)
+
+
+def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names) -> FlatControl:
+    key = f"controls.{name}"
+
+    def nodes(follows: Mapping[str, float], at: str) -> tuple[tuple[str, float], ...]:
+        return tuple((names.end(owner, prefix, node, at), weight) for node, weight in follows.items())
+
+    own = nodes(control.follows, f"{key}.follows")
+    ways = {n: nodes(t.follows, f"{key}.transitions.{n}") or own for n, t in control.transitions.items()}
+    return FlatControl(prefix + name, control, own, {f: f"{prefix}{name}.{f}" for f in control.fields}, ways, owner.where(key))
 
 
 def _check_slots(flat: Flat) -> None:
@@ -339,6 +409,11 @@ def _check_slots(flat: Flat) -> None:
     for load in flat.loads:
         for name, path in load.fields.items():
             _require(flat.parameters, path, LOAD_SLOTS[name])
+    for control in flat.controls.values():
+        for name, path in control.fields.items():
+            way = control.control.transitions.get(name.split(".")[1]) if name.startswith("transitions.") else None
+            follows = way.follows if way is not None and way.follows else control.control.follows
+            _require(flat.parameters, path, slot_of(name, of_difference(follows)))
     for face in flat.faces.values():
         for name in {"absorptance", "emissivity"} & set(face.fields):
             _require(flat.parameters, face.fields[name], "1")
@@ -352,13 +427,11 @@ def _require(parameters: ParameterSet, path: str, slot: str) -> None:
     root = parameters.literal_behind(path)
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
-    try:
+    with errors_at(entry.where):
         if literal is not None:
             require_unit(literal.unit, slot)
         else:
             require(parameters.dimension(path), slot)
-    except ThermidError as error:
-        raise error.located(entry.where) from None
     if literal is not None and slot == "m^2" and literal.value < 0:
         raise DeckError("an area cannot be negative.", entry.where)
 

@@ -9,16 +9,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.model.laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model.laws.stores import SLOPES, TABULATED
-from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity
+from thermid.model.parts.controls import Control
+from thermid.model.parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity, gap_scatter
 from thermid.model.parts.enclosures import enclosure_to
 from thermid.model.parts.facing import facing_to
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model.tree.tree import Layer, M, Tree, parameter_table
-from thermid.units import unit
+from thermid.units import Unit, from_si, in_si, unit
 
 APART = "set for this instance"
 """Why a value is not that of its twins."""
@@ -105,8 +106,7 @@ def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     shared: dict[int, list[str]] = {}
     for raw, value in values.items():
         path = model.canonical(raw)
-        if path not in known:
-            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, known)}", model.title)
+        refuse_unknown([path], known, model.title, f"no parameter '{raw}'.", NameNotFoundError)
         new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
         old = known[path].parameter
         bounds = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(new, k) is None}
@@ -129,8 +129,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
-        if place not in known:
-            raise NameNotFoundError(f"no submodel or parameter '{raw}' to be cut.{nearest(place, known)}", model.title)
+        refuse_unknown([place], known, model.title, f"no submodel or parameter '{raw}' to be cut.", NameNotFoundError)
         cuts[place], layers = None, _cut_layers(layers, place)
     return replace(model, cuts=tuple(cuts), layers=layers)
 
@@ -287,7 +286,7 @@ def written(given: Parameter) -> Any:
     of = given.expression.literal.unit if given.expression.literal else unit("1")
     for key, bound in (("min", given.minimum), ("max", given.maximum)):
         if bound is not None:
-            table[key] = _in_unit(bound, float(of.factor), float(of.offset))
+            table[key] = _in_unit(bound, of)
     table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
     return table if len(table) > 1 else table["value"]
 
@@ -300,10 +299,10 @@ def _plain(text: str) -> str | float:
         return text
 
 
-def _in_unit(value: float, factor: float, offset: float) -> float:
+def _in_unit(value: float, of: Unit) -> float:
     """Return an SI value in a unit, as the shortest number that converts back to the same float."""
-    plain = (value - offset) / factor
-    return next((short for digits in range(1, 18) if (short := float(f"{plain:.{digits}g}")) * factor + offset == value), plain)
+    plain = from_si(value, of)
+    return next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == value), plain)
 
 
 def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
@@ -362,6 +361,34 @@ def made_to(state: MadeIn) -> dict[str, str]:
     return numbers | {"gas": state.gas}
 
 
+def _written_fields(c: Conductor) -> dict[str, Parameter]:
+    """Return the fields of a conductor without the scatter that a closed gap has by itself."""
+    own = gap_scatter(c.words, "") if "tilt" in c.words else None
+    return {name: given for name, given in c.fields.items() if name != "convection_factor" or given != own}
+
+
+def _control_to(control: Control) -> dict[str, Any]:
+    """Return the table of a control."""
+
+    def follows(nodes: Mapping[str, float]) -> Any:
+        return next(iter(nodes)) if list(nodes.values()) == [1.0] else dict(nodes)
+
+    fields = dict(control.fields)
+    ways: dict[str, dict[str, Any]] = {}
+    for name, t in control.transitions.items():
+        level = written(fields.pop(f"transitions.{name}.{t.sense}"))
+        ways[name] = {"from": t.before, "to": t.after, t.sense: level} | ({"follows": follows(t.follows)} if t.follows else {})
+    out = ({"follows": follows(control.follows)} if control.follows else {}) | _grouped(fields) | _curve_to(control.curve, "1")
+    out |= {"starts": control.starts} if control.starts else {}
+    out |= {"transitions": ways} if ways else {}
+    return out | ({"sample": f"{control.sample!r} [s]"} if control.sample else {})
+
+
+def _controlled(names: Sequence[str], key: str = "control") -> dict[str, Any]:
+    """Return what an element says of its controls."""
+    return {} if not names else {key: names[0] if len(names) == 1 else list(names)}
+
+
 def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     """Return the element tables of a deck."""
     flag: Callable[[Any], dict[str, bool]] = lambda e: {"test_only": True} if e.test_only else {}  # noqa: E731
@@ -382,14 +409,16 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
         | ({"finish": e.finish} if e.finish else {})
         | ({"facing": facing_to(e.facing)} if e.facing else {})
         | ({"sees": e.sees} if e.sees else {})
+        | {k: v for what, names in e.controls.items() for k, v in _controlled(names, f"{what}_control").items()}
         | flag(e)
         for n, e in model.surfaces.items()
     }
     conductors = {
         n: {"kind": e.kind, "between": list(e.between)}
-        | _named(_grouped(e.fields), e.words)
+        | _named(_grouped(_written_fields(e)), e.words)
         | _law_to(e)
         | ({"takes": list(e.takes)} if e.takes else {})
+        | _controlled(e.controls)
         | flag(e)
         for n, e in model.conductors.items()
     }
@@ -402,7 +431,7 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     enclosures = {n: enclosure_to(e) | flag(e) for n, e in model.enclosures.items()}
     loads = {}
     for n, load in model.loads.items():
-        table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | flag(load)
+        table = {"into": load.into} | _grouped(load.fields) | _curve_to(load.curve, "W") | _controlled(load.controls) | flag(load)
         if load.cycle is not None:
             times = [f"{t!r} [s]" for t in load.cycle.times]
             table["cycle"] = {"times": times, "values": list(load.cycle.values)} | ({"hold": True} if load.cycle.hold else {})
@@ -410,7 +439,9 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
             if control in table and load.sensor:
                 table[control]["sensor"] = load.sensor
         loads[n] = table
-    return {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}
+    controls = {n: _control_to(e) | flag(e) for n, e in model.controls.items()}
+    tables = {"nodes": nodes, "surfaces": surfaces, "conductors": conductors, "joints": joints, "enclosures": enclosures, "loads": loads}
+    return tables | {"controls": controls}
 
 
 def to_dict(model: Tree, bare: bool = False) -> dict[str, Any]:

@@ -23,6 +23,10 @@ Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
 SINGLY: Final = 2
 """Up to so many values of one kind are remarked upon one by one."""
+FAR: Final = 20.0
+"""Factor by which a value is far from the median of its peers. [-]"""
+PEERS: Final = 5
+"""So many values of one field show what is usual."""
 READINGS: Final = ("psi_JT", "psi_JB")
 """Values that only tables of results use: what a reading of a package's top or board adds to its temperature per watt."""
 ROOM: Final = 293.15
@@ -285,6 +289,30 @@ def _fractions(view: _View) -> Iterator[Finding]:
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
 
 
+def _outliers(view: _View) -> Iterator[Finding]:
+    """A value far from those of its peers: the same field of parts, or of conductors of one kind."""
+    table = view.flat.parameters.table
+    kinds = {c.path: c.kind for c in view.flat.conductors}
+    peers: dict[tuple[str, str], list[str]] = {}
+    for path, entry in table.items():
+        owner, _, field = path.rpartition(".")
+        if entry.parameter.is_literal and 0.0 < view.values[path] < float("inf"):
+            of = path.partition(".")[2] if path.partition(".")[0] in view.model.submodels else kinds.get(owner, "")
+            peers.setdefault((of, field), []).append(path)
+    for (of, _), paths in peers.items():
+        if not of or len(paths) < PEERS:
+            continue
+        logs = np.log([view.values[p] for p in paths])
+        off = np.abs(logs - np.median(logs))
+        k = int(np.argmax(off))
+        others = sorted((value, path) for n, (value, path) in enumerate(zip(logs.tolist(), paths, strict=True)) if n != k)
+        spread = max(abs(value - float(np.median(logs))) for value, _ in others)
+        if off[k] > np.log(FAR) and off[k] > 2.0 * spread:
+            entry, (low, high) = table[paths[k]], (table[others[n][1]].parameter.text for n in (0, -1))
+            said = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
+            yield Finding("warning", entry.where, f"{said}: a slip of unit or digits?")
+
+
 def _ranges(view: _View) -> Iterator[Finding]:
     """A formula outside the range in which its source vouches for it."""
     for c in view.flat.conductors:
@@ -378,6 +406,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _attached,
     _paths,
     _loads,
+    _outliers,
     _unused,
     _fractions,
     _absorptances,

@@ -6,16 +6,17 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Self, TypeVar
 
-from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, refuse_unknown
 from thermid.model.laws.curves import Curve
+from thermid.model.parts.controls import Control, named_control
 from thermid.model.parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import Parameter, check_bounds
 from thermid.toml_files import Places
 from thermid.units import Dimension
 
-Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad
-TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads")
+Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
+TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
 SET = "[set] of "
 FEW = 12
 """Up to so many names are listed where none is near."""
@@ -77,7 +78,7 @@ class Tree:
     needs : tuple of str        Nodes that whoever uses it must supply.
     offers : tuple of str       Own nodes and surfaces that a user may attach to.
     parameters : dict           Name -> Parameter.
-    nodes, conductors, surfaces, joints, enclosures, loads : dict    Name -> element.
+    nodes, conductors, surfaces, joints, enclosures, loads, controls : dict    Name -> element.
     submodels : dict            Name -> Submodel.
     settings : dict             Path -> Parameter: the deck's own [set], over the decks of its submodels.
     layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
@@ -102,6 +103,7 @@ class Tree:
     joints: Mapping[str, Joint] = field(default_factory=dict)
     enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
     loads: Mapping[str, HeatLoad] = field(default_factory=dict)
+    controls: Mapping[str, Control] = field(default_factory=dict)
     submodels: Mapping[str, Submodel[Self]] = field(default_factory=dict)
     settings: Mapping[str, Parameter] = field(default_factory=dict)
     layers: tuple[Layer, ...] = ()
@@ -115,7 +117,7 @@ class Tree:
 
     def __str__(self) -> str:
         """One line: what it is made of and what it needs."""
-        counts = ((getattr(self, name), name) for name in ("submodels", "nodes", "conductors", "surfaces", "joints", "loads"))
+        counts = ((getattr(self, name), name) for name in ("submodels", "nodes", "conductors", "surfaces", "joints", "loads", "controls"))
         made = ", ".join(f"{len(table)} {name if len(table) != 1 else name[:-1]}" for table, name in counts if table)
         return f"{self.title}: {made or 'empty'}; needs {', '.join(self.needs) or 'nothing'}"
 
@@ -232,6 +234,11 @@ def used_offers(model: Tree, part: str) -> set[str]:
         ends += [*enclosure.faces.values(), enclosure.rest]
     for load in model.loads.values():
         ends += [load.into, load.sensor]
+    for control in model.controls.values():
+        ends += [*control.follows, *(node for t in control.transitions.values() for node in t.follows)]
+    by = [*(load.controls for load in model.loads.values()), *(c.controls for c in model.conductors.values())]
+    ends += [named_control(c)[0] for several in by for c in several]
+    ends += [named_control(c)[0] for s in model.surfaces.values() for several in s.controls.values() for c in several]
     for surface in model.surfaces.values():
         ends += [surface.of, surface.to, surface.sees]
     ends += [j.gap_to for j in model.joints.values()] + [c.words["to"] for c in model.conductors.values() if "to" in c.words]
@@ -278,16 +285,11 @@ class Names:
         """Refuse aliases and offers that name nothing."""
         known = local_names(model)
         for alias, target in model.aliases.items():
-            if model.canonical(target) not in known:
-                raise NameNotFoundError(
-                    f"the alias '{alias}' stands for '{target}', which does not exist.{nearest(target, known)}",
-                    model.where(f"aliases.{alias}"),
-                )
+            missing = f"the alias '{alias}' stands for '{target}', which does not exist."
+            refuse_unknown([model.canonical(target)], known, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
         for offer in model.offers:
-            if model.canonical(offer) not in known:
-                raise NameNotFoundError(
-                    f"it offers '{offer}', but has no such node or surface.{nearest(offer, known)}", model.where("offers")
-                )
+            missing = f"it offers '{offer}', but has no such node or surface."
+            refuse_unknown([model.canonical(offer)], known, model.where("offers"), missing, NameNotFoundError)
 
     def _collect(self, model: Tree, prefix: str) -> None:
         self._check_ports(model)
@@ -304,12 +306,8 @@ class Names:
             self._bind(part.model, f"{prefix}{name}.")
 
     def _bind_part(self, model: Tree, prefix: str, name: str, part: Submodel[Tree]) -> None:
-        for need in part.bind:
-            if need not in part.model.needs:
-                known = ", ".join(part.model.needs) or "nothing"
-                raise NameNotFoundError(
-                    f"'{name}' needs {known}, not '{need}'.{nearest(need, part.model.needs)}", model.where(f"submodels.{name}.bind")
-                )
+        wrong = f"'{name}' needs {', '.join(part.model.needs) or 'nothing'}, not '{{}}'."
+        refuse_unknown(part.bind, part.model.needs, model.where(f"submodels.{name}.bind"), wrong, NameNotFoundError)
         for need in part.model.needs:
             if need not in part.bind:
                 raise DeckError(
@@ -547,10 +545,8 @@ class ParameterSet:
         if path not in self._dimensions:
             entry = self.table[path]
             find: Callable[[str], Dimension] = lambda name: self.dimension(self._lookup(name, entry))  # noqa: E731
-            try:
+            with errors_at(entry.where):
                 self._dimensions[path] = entry.parameter.expression.dimension(find)
-            except ThermidError as error:
-                raise error.located(entry.where) from None
         return self._dimensions[path]
 
     def literal_behind(self, path: str) -> str:
@@ -575,8 +571,7 @@ class ParameterSet:
         DeckError           When the value is derived; the message says what to free instead.
         """
         path = canonical(raw)
-        if path not in self.table:
-            raise NameNotFoundError(f"no parameter '{raw}'.{nearest(path, self.table)}", self.title)
+        refuse_unknown([path], self.table, self.title, f"no parameter '{raw}'.", NameNotFoundError)
         path = self.literal_behind(path)
         entry = self.table[path]
         if not entry.parameter.is_literal:

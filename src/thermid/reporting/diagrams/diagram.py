@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from thermid.dual import value_of
-from thermid.errors import NameNotFoundError, nearest
+from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Tree
@@ -439,9 +439,7 @@ def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
     NameNotFoundError   When there is no such submodel.
     """
     known = parts_of(flat.names.model)
-    for path in paths:
-        if path not in known:
-            raise NameNotFoundError(f"no submodel '{path}'.{nearest(path, known)}", flat.names.model.title)
+    refuse_unknown(paths, known, flat.names.model.title, "no submodel '{}'.", NameNotFoundError)
     outer = [p for p in paths if not any(p.startswith(f"{q}.") for q in paths)]
 
     def drawn(node: str) -> str:

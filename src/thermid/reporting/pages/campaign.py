@@ -29,7 +29,7 @@ from thermid.reporting.pages.tables import glance, tightest
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 from thermid.simulation.solution import Solution
-from thermid.units import unit
+from thermid.units import from_si, unit
 
 FEW = 4
 """Up to so many traces stand open on the page; more are folded away."""
@@ -251,11 +251,10 @@ def _result(verdict: str) -> Cell:
 
 
 def _line(m: Move) -> Line:
-    of = unit(m.unit)
-    below, alone = ((v - float(of.offset)) / float(of.factor) for v in (m.below, m.alone))
+    below, alone = from_si(m.below, m.unit), from_si(m.alone, m.unit)
     share = number(100 * (alone / below - 1), 2) if below and m.told else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
-    error = m.below_error / float(of.factor)
+    error = m.below_error / float(unit(m.unit).factor)
     there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
     seen = number(100 * m.detectable_share, 2) if m.told else DASH
     here = plain(alone, 4) if m.told else DASH

@@ -44,6 +44,7 @@ from thermid.reporting.pages import tables
 from thermid.reporting.pages.tables import glance, tightest
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
+from thermid.units import from_si
 
 
 @takes_objects
@@ -221,7 +222,7 @@ def provenance(study: Study) -> Table:
     for title, name, p in _stated(study):
         literal = p.expression.literal
         of = literal.unit if literal else None
-        shown = plain((literal.value - float(of.offset)) / float(of.factor), 6) if literal and of else p.text
+        shown = plain(from_si(literal.value, of), 6) if literal and of else p.text
         ends = [plain(b / float(of.factor), 4) if b is not None and of else "" for b in (p.minimum, p.maximum)]
         line: Line = [Cell(title, "", "main"), name, Cell(shown, p.text), pretty(of.text) if of else DASH]
         line += [" .. ".join(ends) if any(ends) else DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]

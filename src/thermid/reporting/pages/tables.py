@@ -27,7 +27,7 @@ from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
 from thermid.reporting.pages.views import Quantity, view
-from thermid.units import NAMES, Dimension, unit
+from thermid.units import NAMES, Dimension, from_si, unit
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
@@ -147,15 +147,14 @@ def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
 def _level_row(names: Names, found: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
     one = next((v for _, v in found.values() if v), None)
     text = one.unit if one else "W/(m^2 K)"
-    of = unit(text)
     row = [Cell(names[-1][0]), Cell(names[0][1]), Cell(pretty(text))]
     for stage in campaign:
         value, fitted = found.get(stage, (math.nan, None))
-        shown = (value - float(of.offset)) / float(of.factor)
+        shown = from_si(value, text)
         if fitted is None:
             row.append(Cell(number(shown, 4), "held" if stage in found else "", "soft"))
         else:
-            error = fitted.error / float(of.factor)
+            error = fitted.error / float(unit(text).factor)
             row.append(Cell(f"{significant(shown, error)} ± {number(error, 2)}", "fitted", "main"))
     return row
 
@@ -408,8 +407,7 @@ def held(calibration: Calibration) -> Table:
     rows: list[Line] = []
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
-        offset, factor = (float(literal.unit.offset), float(literal.unit.factor)) if literal else (0.0, 1.0)
-        shown = plain((float(numbers[path]) - offset) / factor, 6)
+        shown = plain(from_si(float(numbers[path]), literal.unit if literal else ""), 6)
         text = literal.unit.text if literal else _unit_text(values.dimension(path))
         hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
         written = entry.parameter.text if not literal else DASH

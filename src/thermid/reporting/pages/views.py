@@ -7,10 +7,13 @@ where a thing does not exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
 
 if TYPE_CHECKING:
@@ -27,12 +30,14 @@ if TYPE_CHECKING:
 SCHEMA = 1
 
 
-def clean(value: Any) -> Any:
-    """Return a value that JSON can hold: numbers that are not finite become null."""
+def clean(value: Any, arrays: Callable[[Array], Any] = np.ndarray.tolist) -> Any:
+    """Return a value that JSON can hold: numbers that are not finite become null, arrays what `arrays` makes of them."""
     if isinstance(value, Mapping):
-        return {str(k): clean(v) for k, v in value.items()}
+        return {str(k): clean(v, arrays) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [clean(v) for v in value]
+        return [clean(v, arrays) for v in value]
+    if isinstance(value, np.ndarray):
+        return arrays(value)
     if isinstance(value, bool | int | str) or value is None:
         return value
     number = float(value)
@@ -232,6 +237,7 @@ def _verdict(v: Verdict) -> dict[str, Any]:
         "checks": [
             {"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks
         ],
+        "bands": v.bands.to_dict() if v.bands is not None else None,
     }
 
 

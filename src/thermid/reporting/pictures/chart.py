@@ -76,21 +76,22 @@ class Panel:
 
 
 def thinned(values: Array, limit: int = POINTS) -> NDArray[np.int64]:
-    """Return the positions of at most `limit` samples that look like all of them: lowest and highest of each stretch.
+    """Return the positions of at most `limit` samples that look like all of them: the ends, lowest and highest of each stretch.
 
     Parameters
     ----------
-    values : array (samples,)   What is drawn.
-    limit : int                 At most so many.
+    values : array (samples,)   What is drawn; where a gap (nan) begins, its first sample is kept besides, so that a line breaks there.
+    limit : int                 At most so many, beside gaps.
     """
     if values.size <= limit:
         return np.arange(values.size)
-    edges = np.linspace(0, values.size, max(limit // 2, 2)).astype(np.int64)
-    kept = {0, values.size - 1}
-    for start, stop in pairwise(edges.tolist()):
-        part = values[start:stop]
-        kept |= {int(start + part.argmin()), int(start + part.argmax())}
-    return np.array(sorted(kept), dtype=np.int64)
+    width = -(-2 * values.size // max(limit - 2, 2))  # two of each stretch, and both ends
+    padded = np.concatenate([values, np.full(-values.size % width, np.nan)]).reshape(-1, width)
+    begins, gaps = width * np.arange(padded.shape[0]), np.isnan(values)
+    lowest = begins + np.where(np.isnan(padded), np.inf, padded).argmin(axis=1)
+    highest = begins + np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1)
+    breaks = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
+    return np.unique(np.concatenate([[0, values.size - 1], lowest, highest, breaks]))
 
 
 def nice_ticks(low: float, high: float, about: int) -> list[float]:

@@ -23,7 +23,7 @@ from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import even_step, gap_from, usual_step
 from thermid.reporting.pictures.chart import Panel, Stroke, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
-from thermid.units import counted, unit
+from thermid.units import counted, from_si, in_si
 
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
@@ -251,10 +251,7 @@ def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], n
 
 def _in(column: Column, shown: str) -> Array:
     """Return readings in the unit of a panel."""
-    of, to = unit(column.unit), unit({"°C": "degC"}.get(shown, shown))
-    si = column.values * float(of.factor) + float(of.offset)
-    out: Array = (si - float(to.offset)) / float(to.factor)
-    return out
+    return from_si(in_si(column.values, column.unit), {"°C": "degC"}.get(shown, shown))
 
 
 def _drawn(column: Column, width: int) -> str:

@@ -22,7 +22,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.profile_runs.profile_run import ProfileRun
 from thermid.reporting.blocks.extras import extra
 from thermid.reporting.pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
-from thermid.units import unit
+from thermid.units import from_si, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,16 +102,11 @@ def _canvas() -> Iterator[Figure]:
         yield Figure(figsize=(7.2, 4.8), facecolor="white", layout="constrained")
 
 
-def _in_unit(values: Any, text: str) -> Any:
-    of = unit(text)
-    return (np.asarray(values) - float(of.offset)) / float(of.factor)
-
-
 def _profile(figure: Figure, found: Profile) -> None:
     """Draw how much worse the fit gets as a parameter moves, with the interval and what the standard error alone would say."""
     axis: Axes = figure.subplots()
-    x = _in_unit(found.values, found.unit)
-    best, low, high = (float(_in_unit(v, found.unit)) for v in (found.best, found.low, found.high))
+    x = from_si(found.values, found.unit)
+    best, low, high = (float(from_si(v, found.unit)) for v in (found.best, found.low, found.high))
     error = found.error / float(unit(found.unit).factor)
     axis.axvspan(low, high, color=SIMULATED, alpha=0.12, linewidth=0)
     parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
@@ -138,17 +133,17 @@ def _valley(figure: Figure, found: Valley) -> None:
     from matplotlib.ticker import LogLocator
 
     axis: Axes = figure.subplots()
-    x, y = _in_unit(found.first, found.units[0]), _in_unit(found.second, found.units[1])
+    x, y = from_si(found.first, found.units[0]), from_si(found.second, found.units[1])
     x, y, rise = _smooth(x, y, found)
     steps = [0, 1, 2.30, 5.99, 15, 40, 100, 300, 1000, 1e12]
     filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=BoundaryNorm(steps, 256))
     for (level, name), style in zip(LEVELS.items(), ("-", ":"), strict=True):
         axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
         axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
-    floor = _in_unit(found.along[:, 0], found.units[0]), _in_unit(found.along[:, 1], found.units[1])
+    floor = from_si(found.along[:, 0], found.units[0]), from_si(found.along[:, 1], found.units[1])
     axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="floor of the valley")
     axis.plot(
-        *(float(_in_unit(v, u)) for v, u in zip(found.best, found.units, strict=True)),
+        *(float(from_si(v, u)) for v, u in zip(found.best, found.units, strict=True)),
         marker="D",
         color=RESIDUAL,
         linestyle="none",
@@ -156,7 +151,7 @@ def _valley(figure: Figure, found: Valley) -> None:
     )
     for k, line in enumerate((axis.axvline, axis.axhline)):
         for bound in found.bounds[k]:
-            place = float(_in_unit(bound, found.units[k])) if np.isfinite(bound) else np.nan
+            place = float(from_si(bound, found.units[k])) if np.isfinite(bound) else np.nan
             axis_values = (x, y)[k]
             if axis_values.min() <= place <= axis_values.max():
                 line(place, color=RESIDUAL, linewidth=2.5, label=None)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from thermid.errors import ScenarioError, ThermidError
+from thermid.errors import ScenarioError, errors_at
 from thermid.measure import read_plain, read_record
 from thermid.model.laws.signal import CONDUCT, Signal, TableSignal, conducted
 from thermid.toml_files import resolve_inside
@@ -65,10 +65,8 @@ class LogColumns:
         text = value.get("unit") or ("" if role else dict(read_plain(file, time).heads).get(name) or slot)
         if not (role or text):
             raise ScenarioError(f"give the unit of '{name}': unit = '...', or a header such as '{name} [W/(m^2 K)]'.", where)
-        try:
+        with errors_at(where, ", "):
             record = read_record(file, {name: ({role: "x"} if role else {}) | ({"unit": text} if text else {})}, time=time)
-        except ThermidError as error:
-            raise error.within(where) from None
         times, values, _ = record.table(name)
         known = record.times[record.channel(name).valid]
         inside = (times >= known[0]) & (times <= known[-1])  # a blank end is no value that holds
@@ -76,7 +74,5 @@ class LogColumns:
         zero = self.zeros.get(file, float(record.times[0]))
         held = bool(value.get("hold", held)) and value.get("samples") != "average"
         rows = TableSignal(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
-        try:
+        with errors_at(where):
             return conducted(rows, value, where)
-        except ThermidError as error:
-            raise error.located(where) from None

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from thermid.errors import ScenarioError, nearest
+from thermid.errors import ScenarioError, refuse_unknown
 from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, Sky
@@ -202,9 +202,7 @@ class Scenario:
         ScenarioError   When there is no such field.
         """
         fields = self.__dataclass_fields__
-        for name in changes:
-            if name not in fields:
-                raise ScenarioError(f"a scenario has no '{name}'.{nearest(name, fields)}", self.title)
+        refuse_unknown(changes, fields, self.title, "a scenario has no '{}'.", ScenarioError)
         merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
         return replace(self, **merged)
 

@@ -22,7 +22,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import MEAN, STEADY
 from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large import integrate_model, refusal, settle_model
-from thermid.simulation.solver.problem import Answer, KernelProblem, Options, by_column, ints, unsettled
+from thermid.simulation.solver.problem import Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
 from thermid.simulation.solver.wiring import Assembled, Wiring
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
@@ -229,7 +229,7 @@ class Modal:
         moved = np.zeros(capacity.size)
         if name.startswith("boundary "):
             moved = own.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
-        for _, node, places, _ in s.loads:
+        for _, node, places, _, _ in s.loads:
             if s.coefficient_input[places[0]] == self.wiring.used[name] and node < capacity.size:
                 moved[node] += a.coefficients[places[0]] / capacity[node]
         jolt = np.abs(moved) * np.diag(own) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
@@ -248,6 +248,9 @@ def _obstacle(wiring: Wiring) -> str:
     """Return what keeps a network from being linear with constant coefficients, in words; empty when nothing does."""
     s = wiring.structure
     named: Mapping[int, str] = {k: name for name, k in wiring.used.items()}
+
+    if s.driven:
+        return f"a control, '{s.factors[0].row.name}', follows a temperature"
 
     def moves(place: int) -> bool:
         k = s.coefficient_input[place]
@@ -341,8 +344,9 @@ class Engine(KernelProblem):
         }
         flows = found.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
         slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
-        switched = tuple(zip(found.event_times.tolist(), found.event_controls.tolist(), found.event_states.tolist(), strict=True))
-        energies = (found.load_energy, found.boundary_energy, flows)
+        events = (found.event_times, found.event_controls, found.event_states, found.event_before)
+        switched = tuple(zip(*(each.tolist() for each in events), strict=True))
+        energies = (found.load_energy[: len(self.load_names)], found.boundary_energy, flows)
         turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
 
@@ -506,11 +510,53 @@ class Engine(KernelProblem):
 def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
     """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and their derivatives (nodes, free).
 
-    Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
+    Controls with modes begin in their first and go on to those that the temperatures found ask for, until they rest.
 
     Raises
     ------
-    SolverError   When there is no steady state: a part without a path to a boundary, or a power that runs away.
+    SolverError   When there is no steady state: a part without a path to a boundary, a power that runs away, a control that keeps
+                  switching.
+    """
+    machines = [p.row for p in problem.wiring.structure.factors if p.row.modes]
+    seen: set[bytes] = set()
+    on = np.full(len(problem.control_names), -1, dtype=np.int32)
+    first = len(problem.control_names) - len(machines)
+    on[first:] = [row.starts for row in machines]
+    while True:
+        found, slopes = _settled(problem, a, time, gradients, on)
+        if not machines:
+            return found, slopes
+        seen.add(on.tobytes())
+        changed = _next_modes(problem, a, found, time, on[first:])
+        if changed is None:
+            return found, slopes
+        on[first + changed[0]] = changed[1]
+        if on.tobytes() in seen:
+            name = machines[changed[0]].name
+            message = f"no steady state was found: the control '{name}' keeps switching. Simulate, and take the mean of a late period."
+            raise SolverError(message, problem.title)
+
+
+def _next_modes(problem: KernelProblem, a: Assembled, found: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
+    """Return the first control that does not rest in its mode at steady temperatures, and the mode that follows; None where all rest."""
+    wiring, now = problem.wiring, np.array([time])
+    traces = Traces(wiring, a, now, problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
+    rows = {row.name: row for row in a.numbers.controls}
+    for k, name in enumerate(problem.machines):
+
+        def signal(place: int, of: str = name) -> float:
+            return float(np.ravel(wiring.control_signal(of, place, now))[0])
+
+        after = rows[name].due(int(modes[k]), lambda n: float(traces.temperature(n)[0]), signal)
+        if after is not None:
+            return k, after
+    return None
+
+
+def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool, on: NDArray[np.int32]) -> tuple[Array, Array]:
+    """Return the steady temperatures and their derivatives with every control in a given mode.
+
+    Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
     """
     found = None if gradients else settle_model(problem, a, time)
     if found is not None:
@@ -519,7 +565,7 @@ def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = 
     given = [float(problem.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
     base = float(np.mean(given)) if given else ICE_POINT + 20.0
     # a small offset keeps the conductance of natural convection above zero at the start
-    balance = _Balance(problem, a, time)
+    balance = _Balance(problem, a, time, on)
     temperatures = np.full(balance.size, base + 1.0)
     for k in range(MOST_ITERATIONS):
         heat, jacobian, slopes = balance(temperatures, gradients)
@@ -555,8 +601,8 @@ class _Balance:
     temperature does not move with heat, is no obstacle.
     """
 
-    def __init__(self, problem: KernelProblem, a: Assembled, time: float) -> None:
-        self.problem, self.a, self.time = problem, a, time
+    def __init__(self, problem: KernelProblem, a: Assembled, time: float, on: NDArray[np.int32]) -> None:
+        self.problem, self.a, self.time, self.on = problem, a, time, on
         place = {n: k for k, n in enumerate(n for n in problem.nodes if n not in a.reduced.stored)}
         self.size = len(place)
         self.place = np.array([place[a.reduced.stored[n][0] if n in a.reduced.stored else n] for n in problem.nodes], dtype=np.intp)
@@ -565,7 +611,7 @@ class _Balance:
 
     def __call__(self, temperatures: Array, gradients: bool = False) -> tuple[Array, Array, Array | None]:
         """Return net heat (nodes,) [W], its Jacobian [W/K] and its derivatives (nodes, free) at temperatures (nodes,) [K]."""
-        heat, jacobian, slopes = self.problem.rhs(self.a, self.states(temperatures), self.time, gradients)
+        heat, jacobian, slopes = self.problem.rhs(self.a, self.states(temperatures), self.time, gradients, self.on)
         if not self.held:
             return heat, jacobian, slopes
         return self._sum(heat), self._sum(jacobian)[:, self.own], None if slopes is None else self._sum(slopes)
@@ -640,6 +686,12 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError(
             "a thermostat has a rhythm of its own, so no state comes back with the inputs. Simulate, and take a late stretch.", where
+        )
+    if engine.machines:
+        raise SolverError(
+            f"the control '{engine.machines[0]}' has a rhythm of its own, so no state comes back with the inputs. Simulate, and take a"
+            " late stretch.",
+            where,
         )
     capacity = engine.capacities(a)
     massive = capacity > 0.0

@@ -183,6 +183,8 @@ def refusal(problem: KernelProblem) -> str:
     """Return why a model cannot be run as a large network; empty when it can."""
     s = problem.wiring.structure
     follows, n = s.coefficient_input, len(problem.nodes)
+    if s.factors:
+        return f"the control '{s.factors[0].row.name}' follows a temperature"
     for row, a, _, places in s.conductors:
         form, curve, name = row.form, row.curve, row.name
         if form == "flow":
@@ -215,7 +217,7 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
     first = [n for n in problem.nodes if n not in stored]
     links, rows = _conductors([p for p in s.conductors if p.row.name not in stored], c, follows, place, len(first))
     loads = []
-    for tag, (row, node, places, j) in enumerate(s.loads):
+    for tag, (row, node, places, j, _) in enumerate(s.loads):
         law = np.zeros((4, 1))
         law[: len(places), 0] = c[places]
         control, settings = "", np.zeros((3, 1))

@@ -17,10 +17,12 @@ from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve, evaluate, value_and_slope
 from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, TableSignal
+from thermid.model.parts.controls import named_control
+from thermid.network.controls import FREE, FactorForm, GuardForm
 from thermid.network.network import Network, Numbers, held_in
 from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
 from thermid.simulation.solver.extremes import Turnings
-from thermid.simulation.solver.wiring import Assembled, PlacedConductor, PlacedLoad, Wiring
+from thermid.simulation.solver.wiring import Assembled, PlacedConductor, PlacedFactors, PlacedLoad, Wiring
 
 
 def kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
@@ -129,8 +131,8 @@ class Answer:
     load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
     end : float                                     [s]
     statistics : dict
-    on : array (controls,)                          Which thermostats are on at the end.
-    switched : tuple of (float, int, int)           Time [s], control and new state of every switching, in order.
+    on : array (controls,)                          Which thermostats are on at the end, and the modes of controls.
+    switched : tuple of (float, int, int, int)      Time [s], control, its new state and the one before of every switching, in order.
     turnings : dict or None                         Node, eliminated ones too -> turning points between the times; None where not followed.
     """
 
@@ -144,14 +146,14 @@ class Answer:
     end: float
     statistics: Mapping[str, Any]
     on: NDArray[np.int32]
-    switched: tuple[tuple[float, int, int], ...] = ()
+    switched: tuple[tuple[float, int, int, int], ...] = ()
     turnings: Mapping[str, Turnings] | None = None
 
     def states(self, times: Array) -> NDArray[np.int32]:
-        """Return which thermostats are on (times, controls), from the instants at which they switched."""
+        """Return which thermostats are on and the modes of controls (times, controls), from the instants at which they switched."""
         out = np.tile(self.on, (times.size, 1)).astype(np.int32)
-        for time, row, state in reversed(self.switched):
-            out[times < time, row] = 1 - state
+        for time, row, _, before in reversed(self.switched):
+            out[times < time, row] = before
         return out
 
 
@@ -285,6 +287,11 @@ def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[
         (c.path, c.curve.film[1], (e, e)) for c in network.flat.conductors if c.curve is not None and len(c.curve.film) > 1 for e in c.ends
     ]
     found += [(node, store.given, (node, node)) for node, store in network.stores.items()]
+    for name in network.controls:
+        given = network.flat.controls[name]
+        (first, weight), *more = given.follows or (("", 0.0),)
+        if weight == 1.0 and (not more or (len(more) == 1 and more[0][1] == -1.0)):
+            found.append((name, given.control.curve, (first, more[0][0] if more else first)))
     return [(name, curve, ends) for name, curve, ends in found if curve is not None]
 
 
@@ -339,8 +346,9 @@ class KernelProblem:
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
         s = wiring.structure
-        self.load_names = tuple(p.row.name for p in s.loads)
-        self.control_names = tuple(p.name for p in s.controls)
+        self.load_names = tuple(p.row.name for p in s.loads[: len(s.loads) - s.hidden])
+        self.machines = tuple(p.row.name for p in s.factors if p.row.modes)
+        self.control_names = (*(p.name for p in s.controls), *self.machines)
         self.flow_rows = np.array([k for k, p in enumerate(s.conductors) if p.row.form == "flow"], dtype=int)
         self.problem = self._laid_out(refuse=True)
         self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
@@ -353,6 +361,7 @@ class KernelProblem:
         tables: list[tuple[Array, Array, Array]] = []
         conductors = [row_form(p.row.kernel, p, tables, refuse) for p in s.conductors]
         loads = [row_form(LOADS[p.row.form], p, tables, refuse) for p in s.loads]
+        follow = self._followed(tables) if s.factors else None
         return _kernel.Problem(
             capacity=ints(s.capacity),
             coef_input=ints(s.coefficient_input),
@@ -366,7 +375,7 @@ class KernelProblem:
             load_kind=ints([r[0] for r in loads]),
             load_node=ints([p.node for p in s.loads]),
             load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
-            load_sensor=ints([p.node for p in s.loads]),
+            load_sensor=ints([p.follows for p in s.loads]),
             load_table=ints([r[2] for r in loads]),
             load_control=ints([p.control for p in s.loads]),
             control_kind=ints([CONTROLS[p.kind].kind for p in s.controls]),
@@ -374,7 +383,53 @@ class KernelProblem:
             control_coef=ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
             tables=tables,
             inputs=[kernel_input(given) for given in self.inputs],
+            follow=follow,
         )
+
+    def _followed(self, tables: list[tuple[Array, Array, Array]]) -> dict[str, Any]:
+        """Return what follows temperatures as the kernel takes it; tables of controls join those of rows."""
+        s, index, rows = self.wiring.structure, self._places(), {p.row.name: p for p in self.wiring.structure.factors}
+        machines = [p for p in s.factors if p.row.modes]
+        of = {p.row.name: k for k, p in enumerate(machines)}
+        factors: list[tuple[Any, ...]] = []
+        known: dict[tuple[str, int], int] = {}
+
+        def probe(nodes: Sequence[tuple[str, int]], constant: int, places: Sequence[int]) -> list[int]:
+            three = [(index[node], places[place]) for node, place in nodes] + [(-1, -1)] * (3 - len(nodes))
+            return [places[constant] if constant != FREE else -1, *(node for node, _ in three), *(place for _, place in three)]
+
+        def factor(name: str, form: FactorForm) -> int:
+            if (name, id(form)) not in known:
+                places, table = rows[name].places, -1
+                if form.curve is not None:
+                    table = len(tables)
+                    tables.append(curve_arrays(form.curve))
+                low, high = (places[k] if k != FREE else -1 for k in (form.low, form.high))
+                read = probe(form.nodes, form.constant, places)
+                factors.append((form.kind, read, low, high, table, of.get(name, -1), [places[v] for v in form.values]))
+                known[name, id(form)] = len(factors) - 1
+            return known[name, id(form)]
+
+        def named(control: str) -> int:
+            row = rows[named_control(control)[0]].row
+            return factor(row.name, row.factor_of(control))
+
+        def guard(p: PlacedFactors, g: GuardForm) -> tuple[Any, ...]:
+            level, delay = (p.places[k] if k != FREE else -1 for k in (g.level, g.delay))
+            return of[p.row.name], g.before, g.after, probe(g.nodes, FREE, p.places), level, g.sign, delay
+
+        guards = [guard(p, g) for p in machines for g in p.row.guards]
+        sampled = [(p.row, state) for p in s.factors for state in p.row.states if state.factor is not None]
+        samplers = [(row.sample, index[state.name], factor(row.name, state.factor)) for row, state in sampled if state.factor is not None]
+        followers = [(given.base, [named(c) for c in given.controls]) for given in s.driven]
+        return {
+            "states": sum(len(p.row.states) for p in s.factors),
+            "machines": [p.row.starts for p in machines],
+            "factors": factors,
+            "guards": guards,
+            "samplers": samplers,
+            "followers": followers,
+        }
 
     def __reduce__(self) -> tuple[type[KernelProblem], tuple[Wiring]]:
         """Return how to make it in another process: the kernel's problem is laid out anew."""
@@ -408,6 +463,9 @@ class KernelProblem:
     def _index(self) -> dict[str, int]:
         return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
 
+    def _places(self) -> dict[str, int]:
+        return {n: k for k, n in enumerate((*self.wiring.structure.nodes, *self.wiring.network.boundaries))}
+
     def message(self, found: Any, options: Options, end: float, a: Assembled | None = None) -> str:
         """Return what ran out, when, where and what to change."""
         network = self.wiring.network
@@ -429,10 +487,15 @@ class KernelProblem:
         every = {n: float(traces.temperature(n)[0]) for n in (*network.nodes, *network.boundaries)}
         return refused_tables(network, a.numbers, every, near)
 
-    def rhs(self, a: Assembled, temperatures: Array, time: float, gradients: bool = False) -> tuple[Array, Array, Array | None]:
-        """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K]."""
+    def rhs(
+        self, a: Assembled, temperatures: Array, time: float, gradients: bool = False, on: NDArray[np.int32] | None = None
+    ) -> tuple[Array, Array, Array | None]:
+        """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K].
+
+        `on`: states of thermostats and modes of controls (controls,); -1, or None, for those that temperatures and the start give.
+        """
         extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
-        heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra)
+        heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra, on)
         return heat, jacobian, slopes
 
     @cached_property
@@ -441,13 +504,14 @@ class KernelProblem:
         return KernelProblem(self.wiring.stilled())
 
     def capacities(self, a: Assembled) -> Array:
-        """Return the capacitance (nodes,) of every node, zero for a massless one. [J/K]"""
+        """Return the capacitance (nodes,) of every node, zero for a massless one; states of controllers have one. [J/K]"""
         return np.array([0.0 if c is None else value_of(c) for c in (a.reduced.capacitances[n] for n in self.nodes)])
 
     def time_constants(self, a: Assembled, temperatures: Array, time: float) -> Array:
         """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
         _, jacobian, _ = self.rhs(a, temperatures, time)
         capacity = self.capacities(a)
+        capacity[[self.nodes.index(state) for state in self._sampled()]] = 0.0  # as if they sampled without end
         massive, massless = capacity > 0, capacity <= 0
         heat = jacobian[np.ix_(massive, massive)]
         if massless.any():
@@ -458,6 +522,9 @@ class KernelProblem:
         rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
         slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
         return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
+
+    def _sampled(self) -> list[str]:
+        return [state.name for p in self.wiring.structure.factors for state in p.row.states if state.factor is not None]
 
     def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
         """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
-from thermid.errors import DeckError, ScenarioError, nearest
+from thermid.errors import DeckError, ScenarioError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import (
     Constant,
@@ -28,14 +28,16 @@ from thermid.model.laws.signal import (
     together,
 )
 from thermid.model.laws.stores import HeatStore
-from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_stores
+from thermid.model.parts.controls import COMPLEMENT
+from thermid.network.controls import ControlRow
+from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_controllers, with_stores
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
 from thermid.units import TEMPERATURE, require
 
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
-Row = TypeVar("Row", ConductorRow, LoadRow)
+Row = TypeVar("Row", ConductorRow, LoadRow, ControlRow)
 
 MARK = "scheduled"
 """Stands in a row's signal while massless nodes are chosen for elimination: its conductance changes in time."""
@@ -54,14 +56,12 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
 
     def load(name: str) -> str:
         path = flat.names.model.canonical(name)
-        if path not in known:
-            raise ScenarioError(f"no load '{name}'.{nearest(path, known)}", where)
+        refuse_unknown([path], known, where, f"no load '{name}'.", ScenarioError)
         return path
 
     def gain(name: str) -> str:
         path = flat.names.model.canonical(name)
-        if path not in flat.parameters.table:
-            raise ScenarioError(f"no parameter '{name}'.{nearest(path, flat.parameters.table)}", where)
+        refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
         require(flat.parameters.dimension(path), "W", flat.parameters.table[path].parameter.unit)
         return path
 
@@ -206,7 +206,7 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
     reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
     base = sets[reference]
     out: dict[tuple[str, int, int], Drawn] = {}
-    every: list[tuple[ConductorRow | LoadRow, ...]] = [(*s.conductors, *s.loads) for s in sets]
+    every: list[tuple[ConductorRow | LoadRow | ControlRow, ...]] = [(*s.conductors, *s.loads, *s.controls) for s in sets]
     seen: dict[str, int] = {}
     kept: list[tuple[Number, ...]] = []
     for r, row in enumerate(every[reference]):
@@ -223,10 +223,11 @@ def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) 
                     else Constant(float(ratio[0]))
                 )
                 out[row.name, position, c] = moving
-    count = len(base.conductors)
+    count, rest = len(base.conductors), len(base.conductors) + len(base.loads)
     conductors = tuple(replace(row, law=replace(row.law, coefficients=own)) for row, own in zip(base.conductors, kept[:count], strict=True))
-    loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:], strict=True))
-    return replace(base, conductors=conductors, loads=loads), out
+    loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:rest], strict=True))
+    controls = tuple(replace(row, coefficients=own) for row, own in zip(base.controls, kept[rest:], strict=True))
+    return replace(base, conductors=conductors, loads=loads, controls=controls), out
 
 
 def _magnitude(numbers: Numbers) -> float:
@@ -265,7 +266,7 @@ def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str)
     for key in {*follow, *wired}:
         if key in follow and key in wired and _same_course(follow[key], wired[key]):
             continue
-        every: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
+        every: tuple[ConductorRow | LoadRow | ControlRow, ...] = (*numbers.conductors, *numbers.loads, *numbers.controls)
         rows = [r for r in every if r.name == key[0]]
         if key not in follow and value_of(rows[key[1]].coefficients[key[2]]) == 0.0:
             continue
@@ -296,12 +297,13 @@ class PlacedConductor(NamedTuple):
 
 
 class PlacedLoad(NamedTuple):
-    """A load of the kernel: its row, as of a conductor, the place of its node, those of its law's coefficients, and its control or -1."""
+    """A load of the kernel: its row, the places of its node and of its law's coefficients, its control or -1, and what the law follows."""
 
     row: LoadRow
     node: int
     places: list[int]
     control: int
+    follows: int
 
 
 class PlacedControl(NamedTuple):
@@ -311,6 +313,20 @@ class PlacedControl(NamedTuple):
     sensor: int
     places: list[int]
     name: str
+
+
+class PlacedFactors(NamedTuple):
+    """A control of the deck in the kernel: its row, and the places of its coefficients."""
+
+    row: ControlRow
+    places: list[int]
+
+
+class DrivenInput(NamedTuple):
+    """An input that follows temperatures: the place of a signal that it multiplies, or -1, and names of controls."""
+
+    base: int
+    controls: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +339,10 @@ class KernelLayout:
     capacity : tuple of int     Place of each node's capacitance; -1 for a massless node.
     gain, offset : tuple        Of each boundary: place of what its input is multiplied by, -1 where it is constant; place of the constant.
     conductors, loads, controls : tuples
-    coefficient_input : tuple   Of each coefficient the input that multiplies it; -1 for none.
+    coefficient_input : tuple   Of each coefficient the input that multiplies it; -1 for none. Behind the signals stand what follows.
+    factors : tuple             Controls of the deck.
+    driven : tuple              Inputs that follow temperatures.
+    hidden : int                How many of the loads, the last, are rates of controllers' states.
     """
 
     nodes: tuple[str, ...]
@@ -334,6 +353,9 @@ class KernelLayout:
     loads: tuple[PlacedLoad, ...]
     controls: tuple[PlacedControl, ...]
     coefficient_input: tuple[int, ...]
+    factors: tuple[PlacedFactors, ...] = ()
+    driven: tuple[DrivenInput, ...] = ()
+    hidden: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,10 +389,14 @@ class _Builder:
     inputs: Mapping[str, int]
     values: list[Number] = field(default_factory=list)
     coefficient_input: list[int] = field(default_factory=list)
+    driven: dict[DrivenInput, int] = field(default_factory=dict)
 
-    def add(self, number: Number, signal: str = "") -> int:
+    def add(self, number: Number, signal: str = "", controls: tuple[str, ...] = ()) -> int:
         self.values.append(number)
-        self.coefficient_input.append(self.inputs[signal] if signal else -1)
+        given = self.inputs[signal] if signal else -1
+        if controls:
+            given = self.driven.setdefault(DrivenInput(given, controls), len(self.inputs) + len(self.driven))
+        self.coefficient_input.append(given)
         return len(self.values) - 1
 
 
@@ -411,10 +437,9 @@ class Wiring:
         self.signals: dict[str, Drawn] = {name: given.drawn(self.scenario.seconds) for name, given in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         numbers = self.flowing(self._numbers({}), {})
-        for (path, _, _), name in self._follow.items():
-            if signal_of(path) in gases:
-                both = multiplied(self.signals[name], gases[signal_of(path)])
-                self.signals[f"{signal_of(path)} {name}"] = both.drawn(self.scenario.seconds)
+        for row, position in _numbered(numbers.conductors) if self._follow else ():
+            for c in range(len(row.coefficients)):
+                self._conductor_signal(row, position, c)  # products of a gas and a schedule
         # the kernel needs a node to solve for, even where all of them only follow
         self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
         self.used: dict[str, int] = {}
@@ -463,7 +488,7 @@ class Wiring:
 
     def _marked(self, numbers: Numbers) -> Numbers:
         """Mark scheduled conductors as changing in time, so that elimination leaves them alone."""
-        scheduled_rows = {name for name, _, _ in self._follow}
+        scheduled_rows = {name for name, _, _ in self._follow}  # what a control multiplies is known by itself
         rows = tuple(replace(r, signal=r.signal or MARK) if r.name in scheduled_rows else r for r in numbers.conductors)
         return replace(numbers, conductors=rows)
 
@@ -527,6 +552,7 @@ class Wiring:
         """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
         numbers = self.flowing(self._numbers({p: given[p] for p in self.parameters if p in given}), given)
         reduced = with_stores(reduce_network(self.network, self._marked(numbers), self.gone), self.network.stores)
+        reduced = with_controllers(reduced, numbers.controls)
         return self._build(numbers, reduced, given, free)
 
     def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
@@ -537,6 +563,8 @@ class Wiring:
         initial = [
             _level(reduced.stored[n][1], self._initial_of(reduced.stored[n][0], offsets, given))
             if n in reduced.stored
+            else self._initial_state(reduced.controllers[n], offsets, given)
+            if n in reduced.controllers
             else self._initial_of(n, offsets, given)
             for n in reduced.nodes
         ]
@@ -565,6 +593,11 @@ class Wiring:
                 out += (self._power(load.name, load.own[0], numbers, given), *load.own[1:]) if powered else load.own
         for load in self._controlled(numbers):
             out += load.settings
+        for control in numbers.controls:
+            out += control.coefficients
+        for control in numbers.controls:
+            for rate in control.rates:
+                out += rate.own
         return out
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> KernelLayout:
@@ -581,15 +614,31 @@ class Wiring:
         conductors = self._conductors(reduced.conductors, make, index)
         loads = self._loads(numbers, make, index, given)
         controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
-        follows = tuple(make.coefficient_input)
-        return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, loads, controls, follows)
+        factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
+        rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
+        follows, driven = tuple(make.coefficient_input), tuple(make.driven)
+        every = (*loads, *rates)
+        nodes = (reduced.nodes, capacity, tuple(gain), tuple(offset))
+        return KernelLayout(*nodes, conductors, every, controls, follows, factors, driven, len(rates))
+
+    def _places(self, row: ControlRow, make: _Builder) -> list[int]:
+        return [make.add(number, self._follow.get((row.name, 0, c), "")) for c, number in enumerate(row.coefficients)]
+
+    @staticmethod
+    def _rate(row: LoadRow, make: _Builder, index: Mapping[str, int]) -> PlacedLoad:
+        """Return the rate of a controller's state as a load of the kernel."""
+        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.own)]
+        return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         out = []
         for row, position in _numbered(rows):
             if row.ends[0] == row.ends[1]:
                 continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
-            places = [make.add(number, self._conductor_signal(row, position, c)) for c, number in enumerate(row.coefficients)]
+            places = [
+                make.add(number, self._conductor_signal(row, position, c), row.controls if c == 0 else ())
+                for c, number in enumerate(row.coefficients)
+            ]
             out.append(PlacedConductor(row, index[row.ends[0]], index[row.ends[1]], places))
         return tuple(out)
 
@@ -597,21 +646,66 @@ class Wiring:
         """Return the input that a conductor's coefficient is multiplied by; empty for none."""
         follow = self._follow.get((row.name, position, c), "")
         own = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
-        if follow and own and row.name in self.streams:
-            return f"{own} {follow}"
         if follow and own:
-            raise ScenarioError(f"'{row.name}' cannot follow a schedule while the pressure of its gas changes.", self.scenario.title)
+            return self._both(own, follow)
         return follow or own
 
-    def conductor_flows(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
-        """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]"""
-        return self._summed(numbers, temperatures, times, heat)
+    def _both(self, one: str, other: str) -> str:
+        """Return the input that is the product of two: of a gas or a command, and of a schedule."""
+        name = f"{one} {other}"
+        if name not in self.signals:
+            self.signals[name] = multiplied(self.signals[one], self.signals[other]).drawn(self.scenario.seconds)
+        return name
 
-    def conductor_conductances(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array) -> dict[str, Array]:
+    def conductor_flows(
+        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
+        """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]
+
+        `shares`: control as an element names it -> its share (times,), as `shares` gives it.
+        """
+        return self._summed(numbers, temperatures, times, heat, shares or {})
+
+    def conductor_conductances(
+        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
         """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
-        return self._summed(numbers, temperatures, times, conductance)
+        return self._summed(numbers, temperatures, times, conductance, shares or {})
 
-    def _summed(self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, law: Callable[..., Array]) -> dict[str, Array]:
+    def shares(
+        self, numbers: Numbers, at: Callable[[str], Array], times: Array, modes: Callable[[str], Array] | None = None
+    ) -> dict[str, Array]:
+        """Return control as elements name it -> its share (times,). [-]
+
+        Parameters
+        ----------
+        at : callable       Node, boundary or state of a controller -> temperature (times,). [K]
+        modes : callable    Control -> its mode (times,); where nothing is known that in which it begins.
+        """
+        out = {}
+        for row in numbers.controls:
+            mode = np.full(times.shape, row.starts) if modes is None or not row.modes else modes(row.name)
+
+            def signal(place: int, name: str = row.name) -> Any:
+                return self.control_signal(name, place, times)
+
+            for name, form in ((row.name, row.share), (f"{COMPLEMENT}{row.name}", row.rest)):
+                out[name] = row.read(form, at, mode, signal)
+        return out
+
+    def control_signal(self, name: str, place: int, times: Array) -> Any:
+        """Return what a coefficient of a control is multiplied by (times,) for a schedule; one where it follows none."""
+        given = self._follow.get((name, 0, place), "")
+        return self.signals[given].at(times) if given else 1.0
+
+    def _summed(
+        self,
+        numbers: Numbers,
+        temperatures: Mapping[str, Array],
+        times: Array,
+        law: Callable[..., Array],
+        shares: Mapping[str, Array],
+    ) -> dict[str, Array]:
         out: dict[str, Array] = {}
         for row, position in _numbered(numbers.conductors):
             a, b = (temperatures[end] for end in row.ends)
@@ -619,6 +713,8 @@ class Wiring:
             for c, number in enumerate(row.coefficients):
                 signal = self._conductor_signal(row, position, c)
                 coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
+            for control in row.controls:
+                coefficients[0] = coefficients[0] * shares[control]
             out[row.name] = out.get(row.name, 0.0) + law(row.form, coefficients, row.curve, a, b)
         return out
 
@@ -642,9 +738,12 @@ class Wiring:
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
                 continue  # heat into a given temperature changes nothing
-            places = [make.add(number, signal) for number, signal in self._load_coefficients(row, position, numbers, given)]
+            places = [
+                make.add(number, signal, row.controls if c == 0 else ())
+                for c, (number, signal) in enumerate(self._load_coefficients(row, position, numbers, given))
+            ]
             control = controls.index(row.name) if row.control else -1
-            out.append(PlacedLoad(row, index[row.node], places, control))
+            out.append(PlacedLoad(row, index[row.node], places, control, index[row.node]))
         return tuple(out)
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
@@ -679,6 +778,14 @@ class Wiring:
         if isinstance(value, str):
             return offsets[value] + self._signal_start(value)
         return value
+
+    def _initial_state(self, begins: Number | str, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> Number:
+        """Return where the state of a controller begins; NaN where the start is still to be solved for. [K]"""
+        if self._start == STEADY:
+            return float("nan")
+        if isinstance(begins, str):
+            return offsets[begins] + self._signal_start(begins) if begins in offsets else self._initial_of(begins, offsets, given)
+        return begins
 
     def _signal_start(self, boundary: str) -> float:
         signal = self.signals[f"boundary {boundary}"]

@@ -1,0 +1,130 @@
+"""Commands of the first afternoon: init, example."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from thermid.campaign.stages import run_stages
+from thermid.cli.options import Json, leave, pairs, say
+from thermid.measure.readers.log_reader import read_record
+from thermid.reporting.pages import campaign as page
+from thermid.start.examples import EXAMPLES, copy_example, example_named
+from thermid.start.originals import PUBLIC, copies
+from thermid.start.project import parted, write_project
+from thermid.start.proposal import propose
+from thermid.start.roles import Roles, roles_of, thinned, word
+
+
+def init(
+    logs: Annotated[list[Path], typer.Argument(help="Logs of one unit, in any format; the last of several judges.")],
+    to: Annotated[Path, typer.Option("--to", help="Folder of the project.")] = Path("."),
+    temperature: Annotated[
+        list[str] | None, typer.Option("--temperature", help="COLUMN or COLUMN=PART; all that look like temperatures by default.")
+    ] = None,
+    surroundings: Annotated[
+        str, typer.Option("--surroundings", help="The column of the surroundings, or their temperature: '23 [degC]'.")
+    ] = "",
+    power: Annotated[list[str] | None, typer.Option("--power", help="COLUMN or COLUMN=PART; all that look like powers by default.")] = None,
+    full_scale: Annotated[
+        list[str] | None, typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")
+    ] = None,
+    name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
+    time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."""
+    scales = pairs(full_scale or [], "--full-scale")
+    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
+    if sys.stdin.isatty() and not as_json:
+        roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
+    records = [read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0])) for log in logs]
+    fitted, kept = parted(records)
+    found = propose(roles, [thinned(r) for r in fitted], seconds)
+    title = name or word(logs[0].name.partition(".")[0])
+    made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title)
+    ignored = [f"not used: {column}: {why}" for column, why in roles.ignored.items()]
+    content = {
+        "masses": found.chosen.nodes,
+        "cannot_tell": sorted(found.search.orders) if len(found.search.orders) > 1 else [],
+        "changes": [c.name for c in found.chosen.changes],
+        "rmse_K": found.chosen.rmse,
+        "assumed": found.assumed,
+        "fixed": list(made.fixed),
+        "left_out": list(made.left_out),
+        "files": [str(f) for f in made.files],
+    }
+    say(as_json, content, "\n".join([str(made), *ignored]))
+
+
+def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
+    """Return the roles after at most five questions; a question whose flag was given is not asked, an empty answer keeps what is shown."""
+    typer.echo("Press return to keep what is shown.", err=True)
+    parts = [f"{c}={n}" for c, n in roles.parts.items()]
+    if not temperatures:
+        parts = _several("1 of 5. Temperatures of parts, COLUMN=PART", parts)
+    around = roles.surroundings
+    if not around or not roles.logged:
+        around = typer.prompt(
+            "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if nobody knows", default=around or "-", err=True
+        )
+        around = "" if around == "-" else around
+    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers]
+    if not powers:
+        heats = _several("3 of 5. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
+    scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
+    duty = next((p.column for p in roles.powers if p.anchored), "")
+    if duty:
+        answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if nobody knows", default="-", err=True)
+        scales |= {} if answer == "-" else {duty: answer}
+    return roles_of(log, parts, around, heats, scales, time)
+
+
+def _several(question: str, shown: Sequence[str]) -> list[str]:
+    answer = typer.prompt(question, default=", ".join(shown) or "-", err=True)
+    return [] if answer == "-" else [part.strip() for part in answer.split(",") if part.strip()]
+
+
+def example(
+    name: Annotated[str, typer.Argument(help="Name of an example; without it, the list.")] = "",
+    to: Annotated[Path | None, typer.Option("--to", help="A new folder; the example's name by default.")] = None,
+    originals: Annotated[
+        Path | None,
+        typer.Option("--from", help=f"Folder with copies of published repositories, OWNER/REPOSITORY/path; {PUBLIC} does the same."),
+    ] = None,
+    run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Copy a shipped example with its data into a new folder; published measurements are fetched, converted and checked."""
+    if not name:
+        rows = [{"name": e.name, "shows": e.shows, "data": e.data.words if e.data else ""} for e in EXAMPLES.values()]
+        width = max(len(n) for n in EXAMPLES)
+        text = "\n".join(f"{r['name']:<{width}}  {r['shows']}" + (f"\n{'':<{width}}  {r['data']}" if r["data"] else "") for r in rows)
+        say(as_json, {"examples": rows}, text)
+        return
+    asked = example_named(name)
+    if run and not asked.campaign:
+        raise typer.BadParameter(f"example '{name}' has no campaign; its command is: {asked.first}")
+    if asked.data is not None and not as_json:
+        typer.echo(asked.data.words, err=True)
+    made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
+    content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
+    if not run:
+        say(as_json, content, str(made))
+        return
+    if not as_json:
+        typer.echo(str(made))
+    result = run_stages(made.folder / asked.campaign, cache=made.folder / "results")
+    result.save(made.folder / "results")
+    where = page.report(result, to=made.folder / "report.html")
+    say(as_json, {**content, "page": str(where), "passed": result.passed}, f"{result}\nreport: {where}")
+    leave(result.standing, result.exit_code)
+
+
+def _told(count: int, whole: int) -> None:
+    typer.echo(f"\r\x1b[2K{count} of {whole} logs", nl=count == whole, err=True)

@@ -1,0 +1,260 @@
+"""`estimate`: records, free names and process noise in, an `Estimation` out; it reads as `calibrate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.arguments import takes_objects
+from thermid.errors import IdentificationError, nearest
+from thermid.estimation.dynamics import Dynamics
+from thermid.estimation.estimation import OUTPUT, PROCESS, Estimation, Estimator, Found, whiteness_of
+from thermid.estimation.likelihood import READING, Likelihood, Maximum
+from thermid.estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks
+from thermid.estimation.process import ProcessNoise, read_process
+from thermid.fit.problem.gather import build_problem
+from thermid.fit.problem.request import LocalSpec, Request, freed, priors_of
+from thermid.fit.problem.residuals import Problem
+from thermid.fit.problem.unknowns import Unknown
+from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.linear_algebra import Array, symmetric_inverse
+from thermid.measure import Record
+from thermid.measure.amounts import duration_text
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
+
+KEPT: Final = 0.6
+"""Part of every record that is fitted where the rest is left out to be foreseen."""
+LEAST: Final = 0.3
+"""The same at least, for a long horizon."""
+FLOOR, CEILING = 1e-7, 1e4
+"""Bounds of a size that is looked for, over where the search begins."""
+MOVED: Final = 2.0
+"""Errors by which a value may move as the noise goes to zero before it is named."""
+
+
+@takes_objects
+def estimate(
+    model: Model,
+    records: Record | Sequence[Record],
+    free: Sequence[str],
+    *,
+    process_noise: Mapping[str, Any],
+    scenario: Scenario | Mapping[str, Scenario] | None = None,
+    local: Mapping[str, Any] | None = None,
+    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    start_sd: Mapping[str, str] | None = None,
+    horizon: str = "",
+    name: str = "",
+) -> Estimation:
+    """Return values of a model by maximum likelihood with process noise, beside those without it.
+
+    Which of both to use is decided by readings that were left out, foreseen over `horizon` without a reading in between.
+
+    Parameters
+    ----------
+    model, records, free, scenario, local, priors, name    As in `calibrate`; a start that is looked for is named in `local`
+                                (``{"initial.wall": {"start": "25 [degC]", "sd": "7 [K]"}}``).
+    process_noise : dict        Node, load or boundary -> ``"free"`` (a Wiener noise whose size is looked for), a size with its unit, or a
+                                table with `kind` (``wiener``, ``gauss-markov``), `size`, `time` and `start`. A Wiener noise on a node is
+                                in K/s^0.5, on a load W/s^0.5; on a boundary it is a random walk of what is added to it, in K/s^0.5.
+    start_sd : dict             Node, or boundary with a random walk -> standard deviation of its start; otherwise zero where it is stated
+                                or looked for, and 10 K where its own sensor reads it. [K]
+    horizon : str               Over which predictions are compared; a fifth of the shortest record where nothing is said.
+
+    Raises
+    ------
+    IdentificationError   When a noise names nothing or cannot be filtered, there is none, or records are too short for the horizon.
+    """
+    title = name or model.title
+    if not process_noise:
+        raise IdentificationError(
+            "there is no process noise to estimate with. Give process_noise = {'node': 'free'}, or use calibrate.", title
+        )
+    many = (records,) if isinstance(records, Record) else tuple(records)
+    scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
+    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
+    wanted, _ = freed(model, free, (), title)
+    known = priors_of(model, priors or {}, title)
+    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, name=title, fit_start=False)
+    return estimated(request, process_noise, start_sd or {}, horizon)
+
+
+def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+    """Return the estimation that a request asks for; see `estimate`."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return _estimated(request, process_noise, start_sd, horizon)
+
+
+def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+    problem = build_problem(request)
+    noises = read_process(given, problem.experiments[0].network, request.name)
+    starts = _starts(problem, start_sd, noises, request.name)
+    spans = [float(e.times[-1]) for e in problem.experiments]
+    ahead = literal(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
+    if not 0.0 < ahead <= (1.0 - LEAST) * min(spans):
+        raise IdentificationError(
+            f"a horizon of {duration_text(ahead)} leaves too little to fit: of the {duration_text(min(spans))} of the shortest record "
+            f"{100 * LEAST:.0f} % are fitted at least. Give a shorter horizon.",
+            request.name,
+        )
+    split = [min(KEPT * s, s - ahead) for s in spans]
+    earlier = replace(request, records=tuple(_before(r, t) for r, t in zip(request.records, split, strict=True)))
+    train = build_problem(earlier)
+    found = {}
+    for kind, own in ((OUTPUT, ()), (PROCESS, noises)):
+        full = likelihood_of(problem, own, starts)
+        maximum = full.maximise(full.start)
+        part = likelihood_of(train, own, starts)
+        before = part.maximise(maximum.fitted, observed=False)
+        left = _foreseen(full, before, split, spans, ahead)
+        found[kind] = _estimator(kind, request, full, maximum, left)
+    return _compared(request, found[PROCESS], found[OUTPUT], ahead)
+
+
+def _before(record: Record, seconds: float) -> Record:
+    """Return the first part of a record."""
+    begin = float(record.times[0])
+    return record.trim(begin, begin + seconds)
+
+
+def _starts(problem: Problem, given: Mapping[str, str], noises: Sequence[ProcessNoise], where: str) -> dict[str, float]:
+    """Return node or boundary -> standard deviation of its start. [K]"""
+    network, out = problem.experiments[0].network, {}
+    walks = [p.target for p in noises if p.place == "boundary"]
+    for raw, text in given.items():
+        path = network.find(raw, f"{where}, start_sd")
+        if path not in network.nodes and path not in walks:
+            raise IdentificationError(
+                f"'{raw}' is a boundary without noise, so its start is given.{nearest(raw, network.nodes)}", f"{where}, start_sd"
+            )
+        value = literal(text, "K", f"{where}, start_sd.{raw}")
+        if not (np.isfinite(value) and value >= 0.0):
+            raise IdentificationError(f"a standard deviation of {text} is none; give zero or more.", f"{where}, start_sd.{raw}")
+        out[path] = value
+    return out
+
+
+def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
+    """Return the likelihood of a problem's records with noises on its model."""
+    dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
+    seen = {o.sensor: o for e in problem.experiments for o in e.observations}
+    stated = {s: o.noise for s, o in seen.items() if o.noise is not None}
+    unknowns: list[Unknown] = list(problem.unknowns)
+    for p in noises:
+        if p.free:
+            unknowns.append(_size(f"noise of {p.target}", p.size, p.unit))
+        if p.free_time:
+            unknowns.append(_size(f"noise time of {p.target}", p.time, "s"))
+    for sensor, o in seen.items():
+        if sensor not in stated:
+            steps = np.diff(o.measured)
+            guess = max(float(np.median(np.abs(steps))) if steps.size else 0.0, 1e-3)
+            unknowns.append(_size(READING + sensor, guess, "K"))
+    return Likelihood(problem, dynamics, tuple(noises), tuple(unknowns), stated)
+
+
+def _size(name: str, start: float, unit: str) -> Unknown:
+    return Unknown(name, "noise", (), start, True, FLOOR * start, CEILING * start, None, unit)
+
+
+def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:
+    """Return how well the later part of every record is foreseen with values of the earlier one."""
+    covariance = symmetric_inverse(maximum.information)
+    found = []
+    for i, (begin, end) in enumerate(zip(split, spans, strict=True)):
+        found += outlooks(full, i, maximum.fitted, covariance, origins_of(begin, end, ahead), ahead)
+    return foresight([several for several in found if several])
+
+
+def _whole(full: Likelihood, maximum: Maximum) -> float:
+    """Return the RMSE of runs from the starts without any later reading. [K]"""
+    none = np.zeros_like(maximum.information)
+    found = []
+    for i, d in enumerate(full.dynamics):
+        found += outlooks(full, i, maximum.fitted, none, np.zeros(1), float(d.grid[-1]))
+    return foresight(found).rmse
+
+
+def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, left: OpenLoopScore) -> Estimator:
+    errors = maximum.errors()
+    found = {}
+    for u, fitted, error in zip(full.unknowns, maximum.fitted, errors, strict=True):
+        found[u.name] = Found(
+            u.name, u.to_value(float(fitted)), float(error) * u.slope(float(fitted)), "degC" if u.unit == "degC" else u.unit
+        )
+    white = whiteness_of(full, maximum.fitted)
+    return Estimator(name, full, maximum, _values(request, full, maximum, errors), found, left, _whole(full, maximum), white)
+
+
+def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array) -> FittedValues:
+    """Return parameters and constant errors as a values file holds them."""
+    kept = [k for k, u in enumerate(full.unknowns) if u.kind not in ("local", "noise")]
+    covariance = symmetric_inverse(maximum.information)
+    items = {}
+    for k in kept:
+        u, fitted = full.unknowns[k], float(maximum.fitted[k])
+        error = float(errors[k]) * u.slope(fitted)
+        prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
+        value = FittedValue(
+            u.name, u.to_value(fitted), error, error if u.kind == "parameter" else 0.0, u.log, u.unit, u.start, (u.low, u.high)
+        )
+        items[u.name] = replace(value, origin=request.name, kind=u.kind, prior=prior, also=u.also)
+    provenance = {
+        "records": {r.name: r.origin.sha256 for r in request.records},
+        "version": version("thermid"),
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return FittedValues(request.name, items, covariance[np.ix_(kept, kept)], provenance)
+
+
+def _compared(request: Request, process: Estimator, output: Estimator, ahead: float) -> Estimation:
+    from scipy.special import gammaincc
+
+    ratio = 2.0 * (process.log_likelihood - output.log_likelihood)
+    freedom = max(len(process.likelihood.unknowns) - len(output.likelihood.unknowns), 1)
+    # a size at its bound of zero: half the mass of the last degree of freedom stands there (Self and Liang, JASA 82 (1987) 605)
+    p = (
+        1.0
+        if ratio <= 0
+        else float(
+            0.5 * gammaincc(0.5 * freedom, 0.5 * ratio) + (0.5 * gammaincc(0.5 * (freedom - 1), 0.5 * ratio) if freedom > 1 else 0.0)
+        )
+    )
+    place = {u.name: k for k, u in enumerate(output.likelihood.unknowns)}
+    errors = process.maximum.errors()
+    moved = []
+    for k, u in enumerate(process.likelihood.unknowns):
+        if u.kind != "noise" and abs(process.maximum.fitted[k] - output.maximum.fitted[place[u.name]]) > MOVED * errors[k]:
+            moved.append(u.name)
+    return Estimation(request.name, request.model, process, output, ahead, ratio, p, tuple(moved), _warnings(process, output, moved))
+
+
+def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tuple[str, ...]:
+    """Return what a reader must know."""
+    out = []
+    if moved:
+        named = ", ".join(f"'{m}'" for m in moved)
+        verb = "moves" if len(moved) == 1 else "move"
+        out.append(f"{named} {verb} by more than two errors as the process noise goes to zero; the value depends on that choice")
+    for e in (process, output):
+        if not e.maximum.converged:
+            out.append(f"{e.name}: the search did not converge in {e.maximum.steps} steps")
+        out += [f"{e.name}: '{f.name}' has no finite error; the logs do not tell it" for f in e.found.values() if not np.isfinite(f.error)]
+    for k, u in enumerate(process.likelihood.unknowns):
+        low, high = u.fitted_bounds()
+        end = process.maximum.fitted[k]
+        if u.name.startswith("noise of") and end - low < 3.0:
+            out.append(f"'{u.name}' went to zero: the logs show no such noise")
+        elif np.isfinite(low + high) and min(end - low, high - end) < 1e-4:
+            out.append(f"'{u.name}' ended at a bound; its error is not meaningful")
+    out += [f"{process.name}: innovations of {w.sensor} are not white; errors are too small" for w in process.white if not w.white]
+    return tuple(out)

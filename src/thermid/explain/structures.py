@@ -1,0 +1,596 @@
+"""Search for a structure: changes of a network scored by one evaluation each, the best refitted, kept where held-out readings ask for them.
+
+In: a `Request` with the structure to begin from. Out: a `StructureSearch`: every structure that was fitted, with its held-out likelihood,
+the one that is proposed, those that the readings cannot separate from it, and the test that would.
+
+A change is scored by the step of Gauss and Newton from its start: what one evaluation with derivatives promises. Refits are judged by
+cross-validation: readings are held out in parts (records, or stretches of a single record), the parameters follow from all others by one
+step of Gauss and Newton at the end of the fit, and a held-out part has its own starts and ambient fitted to it. All structures are weighed
+by one noise per trace, that of the structure with the smallest residuals, widened by how long its residuals wander (Burnham and Anderson,
+Model Selection and Multimodel Inference, 2nd ed., Springer 2002, section 2.5: QAIC).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermid.dual import value_of
+from thermid.errors import IdentificationError, ThermidError
+from thermid.explain.candidates import Fitted, MissingElement, changes_of
+from thermid.fit.minimisation import Fit, minimise
+from thermid.fit.problem.gather import build_problem
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem, loss_of
+from thermid.fit.problem.unknowns import Prior, Unknown, starting_point
+from thermid.linear_algebra import Array
+from thermid.measure.amounts import short
+from thermid.measure.record.channel import BoolArray
+from thermid.model.parts.parameter import exact
+
+TIE = 2.0
+"""Difference of held-out log-likelihoods below which two structures cannot be separated. [-]"""
+PARTS, STRETCHES = 10, 6
+"""Parts in which readings are held out, in turn, and the stretches of a single record that make one part."""
+PRIOR_STEP = 1.5
+"""Standard deviation that a score allows each logarithm, so that one step is not believed farther than it can be. [-]"""
+FREE_STEP = 20.0
+"""The same for a value that begins small and whose effect is proportional to it, over `PRIOR_STEP`. [-]"""
+CHALLENGES = 3
+"""Structures of one mass more that are refitted at the end."""
+STARTS = 5.0
+"""Standard deviation of a start about its first reading, in noises; 1 K at least. [-]"""
+LOOSE = 5.0
+"""Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
+NEAR = 0.5
+"""How far a logarithm may move when a part of the readings is left out, as a standard deviation. [-]"""
+DONE = 3e-3
+"""A search of one structure ends at this part of a standard error. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Squares of held-out residuals, by trace.
+
+    Parameters
+    ----------
+    squares : dict      (record, sensor) -> sum of squares of held-out residuals, in units of the stated noise. [-]
+    inside : dict       The same of the fit itself.
+    counts : dict       (record, sensor) -> readings.
+    memory : dict       (record, sensor) -> by how much correlation of the residuals widens a sum of squares, 1 for white ones. [-]
+    """
+
+    squares: Mapping[tuple[str, str], float]
+    inside: Mapping[tuple[str, str], float]
+    counts: Mapping[tuple[str, str], int]
+    memory: Mapping[tuple[str, str], float]
+
+    def likelihood(self, scale: Mapping[tuple[str, str], float]) -> float:
+        """Return the held-out log-likelihood but for a constant; `scale` is the variance of each trace in units of its stated noise."""
+        return -0.5 * sum(square / scale[trace] for trace, square in self.squares.items())
+
+
+@dataclass(frozen=True, eq=False)
+class FittedStructure:
+    """One structure that was fitted.
+
+    Parameters
+    ----------
+    changes : tuple of MissingElement   What was changed, in order; empty for the structure at the beginning.
+    request : Request
+    problem : Problem
+    end : Fit                           Where its fit ended.
+    held : HeldOut
+    nodes : int                         Masses of the model, sensors that lag among them.
+    """
+
+    changes: tuple[MissingElement, ...]
+    request: Request
+    problem: Problem
+    end: Fit
+    held: HeldOut
+    nodes: int
+
+    @property
+    def name(self) -> str:
+        """The changes in words."""
+        return ", and ".join(c.name for c in self.changes) or "as it is"
+
+    @property
+    def fitted(self) -> Mapping[str, float]:
+        """Unknown -> value in the fitted form."""
+        return {u.name: float(x) for u, x in zip(self.problem.unknowns, self.end.fitted, strict=True)}
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Path -> value of every fitted parameter. [SI]"""
+        pairs = zip(self.problem.unknowns, self.end.fitted, strict=True)
+        return {u.name: u.to_value(float(x)) for u, x in pairs if u.kind == "parameter"}
+
+    def judged(self) -> list[tuple[str, bool]]:
+        """Return what each change found, in words, and whether that is physically possible."""
+        found = {p: _Plain(v, self._error(p)) for p, v in self.values.items()}
+        return [c.judge(found) for c in self.changes]
+
+    @property
+    def possible(self) -> bool:
+        """Whether every change has a value that hardware has."""
+        return all(possible for _, possible in self.judged())
+
+    def _error(self, path: str) -> float:
+        place = next(k for k, u in enumerate(self.problem.unknowns) if u.name == path)
+        rows = np.concatenate([self.end.jacobian, self.end.priors])
+        scale = np.linalg.norm(rows, axis=0)
+        scale[scale == 0.0] = 1.0
+        inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), hermitian=True)
+        slope = self.problem.unknowns[place].slope(float(self.end.fitted[place]))
+        return float(slope * np.sqrt(max(inverse[place, place], 0.0)) / scale[place])
+
+    @property
+    def rmse(self) -> float:
+        """RMS of all residuals. [K]"""
+        squares = [s.count * s.mean_square for _, _, s in self.end.sums]
+        return float(np.sqrt(sum(squares) / max(sum(s.count for _, _, s in self.end.sums), 1.0)))
+
+
+@dataclass(frozen=True)
+class _Plain:
+    """A value with its error."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What one evaluation promises of a change.
+
+    Parameters
+    ----------
+    change : MissingElement
+    start : dict        Path -> value that the refit begins from. [SI]
+    gain : float        Promised fall of the cost, in log-likelihood at the noise of the fit before. [-]
+    """
+
+    change: MissingElement
+    start: Mapping[str, float]
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class StructureSearch:
+    """What a search of structures found.
+
+    Parameters
+    ----------
+    structures : tuple of FittedStructure     All that were fitted, in order; the first is the one at the beginning.
+    proposed : FittedStructure                The simplest of those that held-out readings support equally well.
+    scale : dict                        (record, sensor) -> variance that all are weighed by, in units of the stated noise. [-]
+    refused : tuple of (str, str)       Changes that could not be fitted, and why.
+    scored : int                        Changes that were scored.
+    seconds : float                     How long it took. [s]
+    complete : bool                     Whether it ended by itself, and not by its time.
+    """
+
+    structures: tuple[FittedStructure, ...]
+    proposed: FittedStructure
+    scale: Mapping[tuple[str, str], float]
+    refused: tuple[tuple[str, str], ...]
+    scored: int
+    seconds: float
+    complete: bool
+
+    @property
+    def start(self) -> FittedStructure:
+        """The structure at the beginning."""
+        return self.structures[0]
+
+    def likelihood(self, one: FittedStructure) -> float:
+        """Held-out log-likelihood over that of the structure at the beginning. [-]"""
+        return one.held.likelihood(self.scale) - self.start.held.likelihood(self.scale)
+
+    @property
+    def ties(self) -> tuple[FittedStructure, ...]:
+        """Structures that the readings cannot separate from the proposed one: held-out log-likelihoods within two units of it, or above.
+
+        Of those with as many masses the likeliest stands for all.
+        """
+        own = self.likelihood(self.proposed)
+        best: dict[int, FittedStructure] = {}
+        for one in self.structures:
+            if one is self.proposed or not one.possible or self.likelihood(one) < own - TIE:
+                continue
+            if one.nodes not in best or self.likelihood(one) > self.likelihood(best[one.nodes]):
+                best[one.nodes] = one
+        return tuple(best.values())
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Numbers of masses that the readings support: that of the proposed structure first, then those that they cannot separate."""
+        return tuple(dict.fromkeys([self.proposed.nodes, *(t.nodes for t in self.ties)]))
+
+    def __str__(self) -> str:
+        """Return the answer, what was tried, and what cannot be told, as text."""
+        gain = self.likelihood(self.proposed)
+        if self.proposed is self.start:
+            lines = ["No change of structure is supported by held-out readings."]
+        else:
+            lines = [f"Proposed: {self.proposed.name} (held-out log-likelihood {gain:+.3g})."]
+            lines.append(f"  RMSE {short(self.start.rmse, 3)} -> {short(self.proposed.rmse, 3)} K")
+            for (text, possible), change in zip(self.proposed.judged(), self.proposed.changes, strict=True):
+                lines.append(f"  {change.name}: {text}{'' if possible else ', which is not physically possible'}")
+        for one in self.ties:
+            if one.nodes != self.proposed.nodes:
+                apart = self.likelihood(one) - gain
+                lines.append(f"  Cannot tell from: {one.name} ({one.nodes} masses; held-out log-likelihood differs by {apart:+.2g}).")
+        tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
+        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
+        lines += ["  refitted, held-out log-likelihood over the structure at the beginning:", *shown] if shown else []
+        lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
+        if not self.complete:
+            lines.append("  The time ended the search; more changes may be supported. Give it more seconds.")
+        return "\n".join(lines)
+
+
+def search_structure(
+    request: Request,
+    *,
+    changes: Callable[[Fitted], Sequence[MissingElement]] | None = None,
+    rounds: int = 6,
+    width: int = 4,
+    seconds: float = 60.0,
+    begin: Mapping[str, float] | None = None,
+) -> StructureSearch:
+    """Search for changes of structure that held-out readings support.
+
+    Parameters
+    ----------
+    request : Request       The fit with the structure to begin from.
+    changes : callable      Changes of a fitted structure; those of the catalogue by default.
+    rounds : int            Most changes, one after the other.
+    width : int             Refits of single changes in each round; pairs of the three with the best scores are refitted too.
+    seconds : float         Time after which no refit begins. [s]
+    begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
+
+    Raises
+    ------
+    IdentificationError, SolverError    When the structure at the beginning cannot be fitted.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, time.monotonic() + seconds).run(
+            rounds, begin or {}
+        )
+
+
+class _Searching:
+    """State of one search: what was fitted, what was refused."""
+
+    def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, until: float) -> None:
+        self.request, self.changes, self.width, self.until = request, changes, width, until
+        self.done: list[FittedStructure] = []
+        self.refused: list[tuple[str, str]] = []
+        self.scored = 0
+        self.begun = time.monotonic()
+
+    def run(self, rounds: int, begin: Mapping[str, float]) -> StructureSearch:
+        """Search from the request's own structure."""
+        best = fitted_structure((), self.request, begin)
+        self.done.append(best)
+        complete = False
+        for _ in range(rounds):
+            if self._late():
+                break
+            found = self._round(best)
+            if found is None:
+                complete = not self._late()
+                break
+            best = found
+        best = self._simplest(self._pruned(best))
+        self._challenge(best)
+        return StructureSearch(
+            tuple(self.done),
+            self._simplest(best),
+            self._scale(),
+            tuple(self.refused),
+            self.scored,
+            time.monotonic() - self.begun,
+            complete,
+        )
+
+    def _late(self) -> bool:
+        return time.monotonic() > self.until
+
+    def _round(self, best: FittedStructure) -> FittedStructure | None:
+        """Return the best structure one or two changes on; None where held-out readings support none."""
+        scores = sorted(self._scores(best), key=lambda s: -s.gain)
+        chosen = [s for s in scores[: self.width] if s.gain > 0.5]
+        pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
+        made = [self._refitted(best, score) for score in chosen]
+        scale = self._scale()
+        single = max((m.held.likelihood(scale) for m in made if m is not None and m.possible), default=-np.inf)
+        # a pair is worth a refit where no single change is proved
+        if single < best.held.likelihood(scale) + TIE:
+            made += [self._refitted(best, pair) for pair in pairs]
+        scale = self._scale()
+        own = best.held.likelihood(scale)
+        # the best of many that do nothing gains about the logarithm of their number
+        proved = own + TIE + math.log(max(len(scores), 1))
+        able = [m for m in made if m is not None and m.possible and m.held.likelihood(scale) > proved]
+        if not able:
+            return None
+        top = max(m.held.likelihood(scale) for m in able)
+        near = [m for m in able if m.held.likelihood(scale) > top - TIE]
+        return min(near, key=lambda m: (m.nodes, -m.held.likelihood(scale)))
+
+    def _challenge(self, best: FittedStructure) -> None:
+        """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
+        for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
+            self._refitted(best, score)
+
+    def _scores(self, best: FittedStructure) -> list[Score]:
+        """Return the score of every change."""
+        seen = Fitted.of_problem(best.request, best.problem, best.end.fitted)
+        reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
+        known = best.fitted
+        before = _promised(best.problem, best.end.fitted, known, False)
+        out = []
+        for change in self.changes(seen):
+            if self._late():
+                break
+            try:
+                problem = build_problem(change.request)
+            except ThermidError as error:
+                self.refused.append((change.name, error.message))
+                continue
+            for start in change.starts or ({},):
+                try:
+                    after = _promised(problem, _from(problem, best, start), known, change.additive)
+                except ThermidError:
+                    continue
+                self.scored += 1
+                out.append(Score(change, start, (before - after) / reduced))
+        best_of: dict[str, Score] = {}
+        for score in out:
+            rival = best_of.get(score.change.name)
+            if rival is None or score.gain > rival.gain:
+                best_of[score.change.name] = score
+        return list(best_of.values())
+
+    def _refitted(self, best: FittedStructure, score: Score) -> FittedStructure | None:
+        if self._late():
+            return None
+        try:
+            made = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start)
+        except (ThermidError, np.linalg.LinAlgError) as error:
+            self.refused.append((score.change.name, str(error)))
+            return None
+        self.done.append(made)
+        return made
+
+    def _pruned(self, best: FittedStructure) -> FittedStructure:
+        """Return the structure without changes that others have made superfluous."""
+        while len(best.changes) > 1 and not self._late():
+            scale, fewer = self._scale(), []
+            for k in range(len(best.changes) - 1):  # the last one was just proved
+                kept = (*best.changes[:k], *best.changes[k + 1 :])
+                request = self.request
+                for change in kept:
+                    request = change.make(request)
+                try:
+                    made = fitted_structure(kept, request, best.fitted)
+                except (ThermidError, np.linalg.LinAlgError):
+                    continue
+                self.done.append(made)
+                if made.possible and made.held.likelihood(scale) > best.held.likelihood(scale) - TIE:
+                    fewer.append(made)
+            if not fewer:
+                return best
+            best = max(fewer, key=lambda m: m.held.likelihood(scale))
+        return best
+
+    def _scale(self) -> dict[tuple[str, str], float]:
+        """Return the variance of each trace: that of the structure with the smallest residuals, widened by how long they wander."""
+        richest = min(self.done, key=lambda s: sum(s.held.inside.values()))
+        held = richest.held
+        # no reading is trusted beyond what is stated of its noise
+        return {t: max(held.inside[t] / max(held.counts[t], 1), 0.5) * held.memory[t] for t in held.inside}
+
+    def _simplest(self, best: FittedStructure) -> FittedStructure:
+        """Return the simplest of the structures whose held-out readings are as likely as those of the best."""
+        scale = self._scale()
+        own = best.held.likelihood(scale)
+        alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
+        return min(alike, key=lambda s: (s.nodes, -s.held.likelihood(scale))) if alike else best
+
+
+def _pair(a: Score, b: Score) -> Score:
+    return Score(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
+
+
+def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:
+    """Return where a refit begins: at the values of the fit before, new ones at their start."""
+    at = starting_point(problem.unknowns)
+    known = best.fitted
+    for k, u in enumerate(problem.unknowns):
+        if u.name in start:
+            at[k] = u.to_fitted(start[u.name])
+        elif u.name in known:
+            at[k] = known[u.name]
+    return at
+
+
+def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive: bool) -> float:
+    """Return the cost that one step of Gauss and Newton promises, half a sum of squares whatever the loss.
+
+    Parameters
+    ----------
+    known : dict        Unknowns of the fit before.
+    additive : bool     Whether the others are small values whose effect is proportional to them; none of them may turn negative.
+    """
+    found = problem.compressed(at)
+    priors, slopes = problem.prior_rows(at)
+    rows, matrix = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
+    new = np.array([additive and u.name not in known for u in problem.unknowns], dtype=bool)
+    scale = np.array([PRIOR_STEP if u.log else PRIOR_STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
+    for _ in range(2):
+        wide = np.concatenate([matrix * scale, np.eye(scale.size)])
+        step = np.linalg.lstsq(wide, np.concatenate([-rows, np.zeros(scale.size)]), rcond=None)[0]
+        backward = new & (scale * step < -1.0)
+        if not backward.any():
+            break
+        scale = np.where(backward, 0.0, scale)
+    left = rows + matrix @ (scale * step)
+    return 0.5 * float(left @ left + step @ step)
+
+
+def fitted_structure(
+    changes: tuple[MissingElement, ...], request: Request, known: Mapping[str, float], start: Mapping[str, float] | None = None
+) -> FittedStructure:
+    """Fit one structure and hold out its readings in parts.
+
+    Parameters
+    ----------
+    changes : tuple     What was changed, for the result.
+    request : Request   With the changes.
+    known : dict        Unknown -> value in the fitted form, from a fit before.
+    start : dict        Path -> value of new unknowns. [SI]
+
+    Raises
+    ------
+    IdentificationError     When no reading depends on what is free.
+    SolverError             When a record cannot be run.
+    """
+    problem = _loosely_held(build_problem(request))
+    at = starting_point(problem.unknowns)
+    for k, u in enumerate(problem.unknowns):
+        if start and u.name in start:
+            at[k] = u.to_fitted(start[u.name])
+        elif u.name in known:
+            at[k] = known[u.name]
+    end = minimise(problem, request.loss, request.loss_scale, at, done=DONE)
+    if not np.isfinite(end.cost):
+        raise IdentificationError("its fit does not end at a finite cost.", request.name)
+    numbers = problem.experiments[0].network.numbers()
+    nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
+    return FittedStructure(changes, request, problem, end, held_out(problem, end, request), nodes)
+
+
+def _loosely_held(problem: Problem) -> Problem:
+    """Return a problem in which nothing drifts off for nothing.
+
+    Positive parameters without a prior have one of a factor of exp(5); a start at a first reading has one about it, generous beside noise.
+    """
+    sigma = max((o.sigma(problem.noise) for o in problem.observations()), default=1.0)
+    near = max(STARTS * sigma, 1.0)
+
+    def held(u: Unknown) -> Unknown:
+        if u.prior is None and u.kind == "parameter" and u.log:
+            return replace(u, prior=Prior(u.to_fitted(u.start), LOOSE))
+        if u.prior is None and u.kind == "local" and ": initial." in u.name:
+            return replace(u, prior=Prior(u.start, near))
+        return u
+
+    return replace(problem, unknowns=tuple(held(u) for u in problem.unknowns))
+
+
+def held_out(problem: Problem, end: Fit, request: Request) -> HeldOut:
+    """Cross-validate a fit by one step of Gauss and Newton for each part of the readings that is held out.
+
+    The values of a single record (its start, its ambient) are fitted to all its readings.
+    """
+    blocks = problem.blocks(end.fitted)
+    slopes = [s for i in range(len(problem.experiments)) for s in _slopes_of(problem, i, end.fitted)]
+    weights = [np.sqrt(loss_of(b.weighted**2, request.loss, request.loss_scale)[1]) for b in blocks]
+    rows = [w * b.weighted for w, b in zip(weights, blocks, strict=True)]
+    slopes = [w[:, None] * s for w, s in zip(weights, slopes, strict=True)]
+    priors = problem.prior_rows(end.fitted)[1]
+    parts = _parts_of([b.record for b in blocks], [b.times for b in blocks])
+    local = np.array([u.kind == "local" for u in problem.unknowns], dtype=bool)
+    log = np.array([u.log for u in problem.unknowns], dtype=bool)
+    whole = sum((s.T @ s for s in slopes), np.zeros((local.size, local.size)))
+    squares = {(b.record, b.sensor): 0.0 for b in blocks}
+    for part in parts:
+        chosen = [(k, mask) for k, mask in part if mask.any()]
+        own = [(rows[k][mask], slopes[k][mask]) for k, mask in chosen]
+        shift = _without(own, whole, priors, (local, log))
+        for (k, _), (r, s) in zip(chosen, own, strict=True):
+            left = r + s @ shift
+            squares[blocks[k].record, blocks[k].sensor] += float(left @ left)
+    inside = {(b.record, b.sensor): float(r @ r) for b, r in zip(blocks, rows, strict=True)}
+    counts = {(b.record, b.sensor): b.residuals.size for b in blocks}
+    memory = {(b.record, b.sensor): _memory(r) for b, r in zip(blocks, rows, strict=True)}
+    return HeldOut(squares, inside, counts, memory)
+
+
+def _slopes_of(problem: Problem, i: int, fitted: Array) -> list[Array]:
+    table = problem.slopes(i, fitted)
+    return [table[o.index, k, :] for k, o in enumerate(problem.experiments[i].observations)]
+
+
+def _without(own: Sequence[tuple[Array, Array]], whole: Array, priors: Array, kinds: tuple[BoolArray, BoolArray]) -> Array:
+    """Return how all unknowns move (unknowns,) once a part of the readings is left out.
+
+    Starts and other values of a single record are no part of the structure: they follow from all readings of their record, those held out
+    among them, once the shared values have moved. A logarithm moves within `NEAR`, or one step would be believed where it cannot hold.
+
+    Parameters
+    ----------
+    own : list              Residuals and derivatives of the readings that are left out.
+    whole : array           J'J of all readings.
+    priors : array          Derivatives of the priors.
+    kinds : (array, array)  Which unknowns are those of single records, and which are logarithms.
+    """
+    local, log = kinds
+    cross = sum((s.T @ s for _, s in own), np.zeros_like(whole))
+    slope = sum((s.T @ r for r, s in own), np.zeros(whole.shape[0]))
+    full = whole + priors.T @ priors
+    size = np.sqrt(np.maximum(np.diag(full), 1e-300))
+    held = np.where(local, 1.0, np.where(log, 1.0 / (NEAR * size) ** 2, 1e-6)) + 1e-9
+    matrix = (full - cross) / np.outer(size, size) + np.diag(held)
+    shift = np.where(local, 0.0, np.linalg.solve(matrix, slope / size) / size)
+    if local.any():
+        mine = full[np.ix_(local, local)] / np.outer(size[local], size[local]) + 1e-9 * np.eye(int(local.sum()))
+        shift[local] = -np.linalg.solve(mine, (full[local] @ shift) / size[local]) / size[local]
+    return np.asarray(shift)
+
+
+def _parts_of(records: Sequence[str], times: Sequence[Array]) -> list[list[tuple[int, Array]]]:
+    """Return what is held out in each turn, as (trace, mask): whole records in turn; of one or two records every tenth stretch."""
+    names = list(dict.fromkeys(records))
+    if len(names) >= 3:
+        groups = [names[k :: min(PARTS, len(names))] for k in range(min(PARTS, len(names)))]
+        return [[(k, np.ones(t.size, dtype=bool)) for k, t in enumerate(times) if records[k] in group] for group in groups]
+    out = []
+    for name in names:
+        own = [k for k in range(len(times)) if records[k] == name]
+        edges = np.quantile(np.concatenate([times[k] for k in own]), np.linspace(0.0, 1.0, PARTS * STRETCHES + 1))
+        turn = {k: np.clip(np.searchsorted(edges, times[k], side="right") - 1, 0, PARTS * STRETCHES - 1) % PARTS for k in own}
+        out += [[(k, turn[k] == part) for k in own] for part in range(PARTS)]
+    return out
+
+
+def _memory(residuals: Array) -> float:
+    """Return by how much correlation widens the spread of a sum of residuals: 1 + 2 (sum of autocorrelations until they vanish)."""
+    z = residuals - residuals.mean()
+    power = float(z @ z)
+    if z.size < 8 or power <= 0:
+        return 1.0
+    spectrum = np.abs(np.fft.rfft(z, 2 * z.size)) ** 2
+    memory = np.fft.irfft(spectrum)[: z.size] / power
+    end = int(np.argmax(memory < 2.0 / np.sqrt(z.size))) or z.size
+    return float(max(1.0 + 2.0 * memory[1:end].sum(), 1.0))
+
+
+def adopted(one: FittedStructure) -> Request:
+    """Return the request of a structure with its model at the fitted values, for a full fit."""
+    shared = {n: v for n, v in one.values.items()}
+    units = {u.name: u.unit for u in one.problem.unknowns}
+    texts = {n: exact(v, units[n]) for n, v in shared.items()}
+    model = one.request.model.with_values(texts, "structure search")
+    return replace(one.request, model=model)

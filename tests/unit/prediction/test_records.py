@@ -1,0 +1,181 @@
+"""A logged run predicted: its share inside the bands, its own room, its sensors, its worst stretch. Synthetic logs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.fit.calibration import Calibration
+from thermid.measure import Channel, Record
+from thermid.prediction.budget import KINDS, MISFIT
+from thermid.prediction.records import LEVELS, READING, ROOM, RecordPrediction, as_run, predict_record
+
+SENSORS = {"T1": "part.case", "T2": "lid"}
+FREE = ("part.case.capacitance", "part.skin", "foot.conductance")
+
+
+def unit(skin: float = 0.25, foot: float = 0.6, mass: float = 800.0) -> td.Model:
+    """Return a unit with a part and a lid; the hidden one has other values."""
+    part = td.model_from_dict(
+        {
+            "title": "Part",
+            "needs": ["air"],
+            "offers": ["case"],
+            "parameters": {"skin": {"value": f"{skin} [W/K]", "min": 0.01, "max": 5}},
+            "nodes": {"case": {"capacitance": f"{mass} [J/K]"}},
+            "conductors": {"loss": {"kind": "conduction", "between": ["case", "air"], "conductance": "skin"}},
+            "loads": {"heat": {"into": "case", "power": "5 [W]"}},
+        }
+    )
+    foot_ = {"kind": "conduction", "between": ["part.case", "lid"], "conductance": {"value": f"{foot} [W/K]", "min": 0.01, "max": 9}}
+    lid = {"kind": "conduction", "between": ["lid", "air"], "conductance": "0.2 [W/K]"}
+    return td.model_from_dict(
+        {
+            "title": "Unit",
+            "needs": ["air"],
+            "nodes": {"lid": {"capacitance": "300 [J/K]"}},
+            "submodels": {"part": {"use": part, "bind": {"air": "air"}}},
+            "conductors": {"foot": foot_, "loss": lid},
+        }
+    )
+
+
+def log(
+    name: str, seed: int, watts: float = 5.0, room: float = 21.0, logged: bool = True, bias: float = 0.0, synthetic: bool = True
+) -> Record:
+    rng, times = np.random.default_rng(seed), np.linspace(0.0, 14400.0, 241)
+    given = td.Scenario(
+        name, boundaries={"air": f"{room} [degC]"}, start=f"{room} [degC]", duration="4 [h]", loads={"part.heat": f"{watts} [W]"}
+    )
+    run = td.simulate(unit(0.31, 0.45, 950.0), given, times=times)
+    channels = {
+        s: Channel.of(
+            s,
+            run[n].kelvin + 0.1 * rng.standard_normal(times.size) + (bias if s == "T2" else 0.0),
+            role="node",
+            target=n,
+            noise=0.1,
+            accuracy=0.5 if bias and s == "T2" else None,
+        )
+        for s, n in SENSORS.items()
+    }
+    channels["P"] = Channel.of("P", np.full(times.size, watts), quantity="power", role="load", target="part.heat")
+    if logged:
+        channels["ROOM"] = Channel.of("ROOM", np.full(times.size, room + 273.15), role="boundary", target="air")
+    return Record.from_arrays(name, times, channels, synthetic=synthetic)
+
+
+@pytest.fixture(scope="module")
+def found() -> Calibration:
+    return td.calibrate(unit(), [log("a", 1), log("b", 2, 2.0)], FREE)
+
+
+def test_a_right_model_holds_the_share_it_states(found: Calibration) -> None:
+    told = [predict_record(found, log(f"c{k}", 10 + k, 7.0)) for k in range(4)]
+    for level in LEVELS:
+        assert np.mean([t.coverage[level] for t in told]) == pytest.approx(level, abs=0.04)
+    assert all(t.rmse == pytest.approx(0.1, rel=0.15) for t in told)
+
+
+def test_a_room_of_the_runs_own_is_followed(found: Calibration) -> None:
+    record = log("warm", 20, room=24.0, logged=False)
+    told = predict_record(found, record, local={"air": {"start": "21 [degC]", "sd": "5 [K]"}})
+    assert told.fitted_locally == ("air",)
+    assert told.inside() == pytest.approx(0.95, abs=0.05)
+    fixed = predict_record(found, record, scenario=td.Scenario("s", boundaries={"air": "21 [degC]"}))
+    assert fixed.inside() < 0.3
+    assert fixed.rmse > 1.0
+
+
+def test_a_verdict_keeps_the_room_that_was_fitted(found: Calibration) -> None:
+    verdict = td.validate(
+        found, log("warm", 20, room=24.0, logged=False), td.Criteria(rmse="1 [K]"), local={"air": {"start": "21 [degC]", "sd": "5 [K]"}}
+    )
+    shown = verdict.prediction
+    assert shown is not None
+    assert shown.problem is not None
+    scenario = as_run(shown.problem, np.array(list(shown.fitted.values())), shown.experiments[0])
+    assert float(scenario.boundaries["air"].at(np.zeros(1))[0]) - 273.15 == pytest.approx(24.0, abs=0.2)
+
+
+def test_what_a_fitted_room_follows_is_not_counted_twice() -> None:
+    records = [log(f"r{k}", 40 + k, w, synthetic=False) for k, w in enumerate((5.0, 2.0))]
+    fit = td.calibrate(unit(), records, FREE)
+    record = log("new", 60, 12.0, logged=False, synthetic=False)
+    own = predict_record(fit, record, local={"air": {"start": "21 [degC]", "sd": "5 [K]"}}).bands["T1"]
+    fixed = predict_record(fit, record, scenario=td.Scenario("s", boundaries={"air": "21 [degC]"})).bands["T1"]
+    late = own.times > 7200.0
+    assert own.parts[KINDS][late].mean() < 0.3 * fixed.parts[KINDS][late].mean()
+
+
+def test_rooms_that_nobody_measured_widen_the_band_by_how_runs_differ() -> None:
+    rooms = (20.0, 22.0, 21.0, 23.5, 19.5, 21.5)
+    records = [log(f"r{k}", 70 + k, 5.0, room, logged=False, synthetic=False) for k, room in enumerate(rooms)]
+    fit = td.calibrate(unit(), records, FREE, scenario=td.Scenario("s", start="T1"), local={"air": {"start": "21 [degC]", "sd": "3 [K]"}})
+    told = predict_record(
+        fit,
+        log("new", 90, 5.0, 22.7, logged=False, synthetic=False),
+        scenario=td.Scenario("s", boundaries={"air": "21 [degC]"}, start="T1"),
+    )
+    part = float(np.sqrt(told.bands["T1"].parts[ROOM][-1]))
+    assert 0.8 < part < 3.0
+    assert told.inside() > 0.9
+
+
+def test_the_sensors_constant_error_is_carried() -> None:
+    fit = td.calibrate(unit(), [log("a", 1, bias=0.8), log("b", 2, 2.0, bias=0.8)], FREE)
+    told = predict_record(fit, log("c", 3, 7.0, bias=0.8))
+    assert told.bands["T2"].inside() == pytest.approx(0.95, abs=0.06)
+    plain = log("c", 3, 7.0)
+    assert predict_record(fit, plain).bands["T2"].inside() < 0.3  # the fit says that it reads 0.8 K high
+
+
+def test_the_worst_stretch_is_the_one_that_was_spoilt(found: Calibration) -> None:
+    record = log("spoilt", 30, 7.0)
+    t1 = record.channel("T1")
+    hump = np.where((record.times > 7000.0) & (record.times < 8600.0), 2.0, 0.0)
+    spoilt = record.with_channels(Channel.of("T1", t1.values + hump, role="node", target="part.case", noise=0.1))
+    worst = predict_record(found, spoilt).worst
+    assert worst.sensor == "T1"
+    assert worst.inside < 0.2
+    assert 6000.0 < worst.begin < worst.end < 9600.0
+
+
+def test_what_the_noise_of_a_reading_is_and_what_is_switched_off(found: Calibration) -> None:
+    record = log("c", 33, 7.0)
+    told, bare = predict_record(found, record), predict_record(found, record, without=["misfit", "fit"])
+    assert told.bands["T1"].parts[READING][0] == pytest.approx(0.01, rel=0.3)
+    assert set(bare.bands["T1"].parts) == {READING}
+    assert MISFIT not in bare.bands["T1"].parts
+    assert any("switched off" in x.what for x in bare.left_out)
+    assert str(bare).startswith("not counted: ")
+
+
+def test_text_and_json_say_the_same(found: Calibration) -> None:
+    told = predict_record(found, log("c", 34, 7.0))
+    data = json.loads(json.dumps(told.to_dict()))
+    assert data["inside"] == pytest.approx(told.inside())
+    assert set(data["sensors"]) == set(SENSORS)
+    assert data["coverage"]["0.95"] == pytest.approx(told.coverage[0.95])
+    for sensor in SENSORS:
+        assert f"{100 * data['sensors'][sensor]['inside']:.0f} % of the readings" in str(told)
+    assert f"worst stretch: {told.worst}" in str(told)
+
+
+def test_a_sensor_that_lags_is_predicted_at_its_tip(found: Calibration) -> None:
+    record = log("lag", 35, 7.0)
+    t1 = record.channel("T1")
+    lagging = Channel.of("T1", t1.values, role="node", target="part.case", noise=0.1, part=td.SensorPart(lag=120.0))
+    told = predict_record(found, record.with_channels(lagging))
+    assert isinstance(told, RecordPrediction)
+    assert set(told.bands) == set(SENSORS)
+
+
+def test_a_record_that_observes_nothing_is_refused(found: Calibration) -> None:
+    record = log("c", 36)
+    blind = Record.from_arrays("blind", record.times, {"P": record.channel("P"), "ROOM": record.channel("ROOM")})
+    with pytest.raises(td.ThermidError, match="observes"):
+        predict_record(found, blind)
