@@ -232,15 +232,17 @@ def test_the_same_test_again_is_at_most_sqrt_two_times_better_where_residuals_wa
     assert found.sensors["T"].wanders
     again = td.next_test(found, HTC, scenario=found.experiments[0].scenario, every=float(times[1]))
     option = next(o for o in again.options if o.name == "the same test again")
-    assert 1.25 < again.now / option.error < 1.45
+    # a little more than sqrt 2, since the planned test starts from a temperature that is given
+    assert 1.25 < again.now / option.error < 1.5
     assert "are taken to wander as their residuals did" in str(again)
 
 
 def test_the_sensors_of_every_record_count() -> None:
-    model = pair()
-    both = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", name="both", seed=1)
-    first = both.with_channels()
-    one = replace(first, name="one", channels={n: c for n, c in first.channels.items() if n != "B"})
+    model = pair(second=box({"parameters/power/value": "1 [W]", "title": "Cool"}))
+    both = log(
+        model, {"stack.contact_conductance": "100 [W/(m^2 K)]"}, {"A": "a.case", "B": "b.case"}, boundary="room", name="both", seed=1
+    )
+    one = replace(both, name="one", channels={n: c for n, c in both.channels.items() if n != "B"})
     fit = td.calibrate(model, [one, replace(both, name="two")], ["stack.contact_conductance"])
     turned = td.calibrate(model, [replace(both, name="two"), one], ["stack.contact_conductance"])
     given = td.Scenario("again", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")

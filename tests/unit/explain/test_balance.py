@@ -77,13 +77,13 @@ class TestNoise:
     def test_the_errors_of_a_mean_power_and_a_mean_ambient_reach_the_fit(self) -> None:
         """A noisy meter and a noisy room: their means are not exact, whatever the readings on the box."""
         rng, data = np.random.default_rng(7), bench()
-        still = data.with_channels(replace(data["T"], accuracy=None), replace(data["heat"], accuracy=None, prompt=True))
-        watts = replace(still["heat"], values=still["heat"].values + 0.5 * rng.standard_normal(361))
+        still = data.with_channels(replace(data["T"], accuracy=None), replace(data["METER"], accuracy=None, prompt=True))
+        watts = replace(still["METER"], values=still["METER"].values + 0.5 * rng.standard_normal(361))
         noisy = still.with_channels(watts)
         quiet, loud = (r.steady("5 [h]", "end", tau=5400.0) for r in (still, noisy))
         fits = [td.calibrate(box(), p.record, [HTC], scenario=td.Scenario("s", start="steady")) for p in (quiet, loud)]
         plain, more = (f[HTC].error / f[HTC].value for f in fits)
-        assert more == pytest.approx(np.hypot(plain, loud["heat"].error / 4.0), rel=0.1)
+        assert more == pytest.approx(np.hypot(plain, loud["METER"].error / 4.0), rel=0.1)
         assert more > 2.0 * plain
         assert any("error of the mean of heat" in v.name for v in fits[1].local)
 
