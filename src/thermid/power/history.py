@@ -461,18 +461,23 @@ def power_history(
     try:
         asked, problem, found = on(knots, pins)
     except np.linalg.LinAlgError:
-        what = ", ".join(f"'{p}'" for p in free) or "the power"
-        raise IdentificationError(
-            f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer stretch of known "
-            "power, or free less.",
-            where,
-        ) from None
+        raise _undetermined(free, where) from None
     if found.remarks and step > WIDER * usual:
         knots, pins = _knots(record, usual, known, accuracy, where)
         asked, problem, found = on(knots, pins)
         words = f"knots every {duration_text(step)} left residuals that wander, so that the history has knots every {duration_text(usual)}."
         found = replace(found, remarks=(words, *found.remarks))
     return _history(asked, problem, path, knots, pins, found)
+
+
+def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
+    """Return the refusal of what readings, priors and known powers leave open."""
+    what = ", ".join(f"'{p}'" for p in free) or "the power"
+    return IdentificationError(
+        f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer stretch of known power, or "
+        "free less.",
+        where,
+    )
 
 
 def _usual_step(record: Record) -> float:
