@@ -86,6 +86,7 @@ refits, over the promise.
 {head}
 {chr(10).join(rows)}
 
+Cells of 8 to 20 logs are a check for gross errors only; `power_history` states twelve means a log, of which the lowest share is shown.
 Shares above the range: an error that is even between two limits, as that of a mean in steps, never leaves 1.96 of its standard deviations;
 and what a trace wanders is estimated from the same trace. Without a logged power the column "noisy power" repeats white noise for
 `power_history`.
