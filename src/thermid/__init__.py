@@ -34,6 +34,7 @@ _PUBLIC = {
     "Trajectory": "site.ascent",
     "read_trajectory": "site.ascent",
     "ascent_scenario": "site.ascent",
+    "orbit_fluxes": "site.orbit",
     "orbit_irradiation": "site.exposure",
     "eclipse_signal": "site.exposure",
     "AscentCheck": "site.ascent",

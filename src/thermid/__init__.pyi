@@ -155,6 +155,7 @@ from thermid.site.exposure import eclipse_signal as eclipse_signal
 from thermid.site.exposure import orbit_irradiation as orbit_irradiation
 from thermid.site.moisture import Moisture as Moisture
 from thermid.site.moisture import moisture as moisture
+from thermid.site.orbit import orbit_fluxes as orbit_fluxes
 from thermid.site.pad import pad_scenario as pad_scenario
 from thermid.site.site import Site as Site
 from thermid.site.sky import OpenSky as OpenSky

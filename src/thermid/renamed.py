@@ -37,7 +37,8 @@ class Renamed:
             ------
             AttributeError   When it is no old name.
             """
-            new = RENAMED[type(self).__name__].get(name)
+            tables = (RENAMED.get(each.__name__, {}) for each in type(self).__mro__)  # a joint fit is a calibration too
+            new = next((table[name] for table in tables if name in table), None)
             if new is None:
                 raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
             shown = f'["{new[1:-1]}"]' if new.startswith("[") else f".{new}"

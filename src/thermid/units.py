@@ -114,7 +114,7 @@ def unit(text: str) -> Unit:
         raise UnitError(
             f"'[{text[:40]}...]' is no unit that is known here: it has {len(text)} characters, and at most {_LONGEST} are read."
         )
-    key = _normalised(text) or "1"
+    key = "1" if text.strip() == "-" else _normalised(text) or "1"  # a dash says that there is none
     row = TABLE.get(key)
     if row is not None:
         return Unit(text.strip() or "1", Fraction(row[0], row[1]), Fraction(row[2], row[3]), tuple(Fraction(d) for d in row[4]))

@@ -81,6 +81,7 @@ ARROWS |= {
     "profiles": LOW | {"sourced"},
     "profile_runs": LOW | {"profiles"},
     "steadiness": LOW | {"profile_runs"},
+    "watch": LOW | FIT | {"estimation", "steadiness"},
     "reduction": LOW,
     "fit.problem": LOW,
     "fit.minimisation": LOW | {"fit.problem"},
@@ -89,12 +90,12 @@ ARROWS |= {
     "fit": LOW | FIT - {"fit"},
     "power": LOW | FIT,
     "estimation": LOW | FIT,
-    "explain": LOW | FIT,
+    "explain": LOW | FIT | {"power"},
     "judge": LOW | FIT | {"sourced", "prediction"},
     "prediction": LOW | FIT,
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
-    "campaign": LOW | FIT | {"judge", "inference"},
+    "campaign": LOW | FIT | {"judge", "inference", "explain", "power"},
     "start": LOW | FIT | {"explain", "campaign"},
     "monte_carlo": LOW | FIT | {"prediction", "campaign", "reduction"},
     "qualify": LOW | FIT | {"judge", "explain", "prediction", "campaign"} | TESTED,
@@ -194,7 +195,7 @@ def allowed_rooms(package: str) -> set[str]:
 
 
 SAYING = MEASURE - {"measure.amounts"} | FIT | ABOVE_FIT | TESTED | REPORTING | {"campaign", "qualify"} | MODEL | SIMULATION | OPTIONAL
-SAYING |= {"network", "knowledge"}
+SAYING |= {"network", "knowledge", "watch"}
 
 
 @pytest.mark.parametrize("package", sorted(SAYING - {"model", "simulation"}))

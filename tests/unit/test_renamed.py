@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import pickle
 import tomllib
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.campaign.joint import JointFit
 from thermid.campaign.methodology import LogEntry
 from thermid.judge.criteria import Deviation
 from thermid.judge.metrics import Residuals
@@ -75,3 +77,12 @@ def test_old_names_go_with_the_version_that_says_so() -> None:
 def test_limits_by_place_are_refused_in_words() -> None:
     with pytest.raises(td.ThermidError, match=r"limits are a table, not '2 \[K\]': Criteria\(rmse="):
         td.Criteria("1 [K]", "2 [K]")  # type: ignore[arg-type]
+
+
+def test_a_joint_fit_has_the_old_names_of_a_calibration(objects: dict[str, Any]) -> None:
+    fit = objects["Calibration"]
+    joint = JointFit(**{f.name: getattr(fit, f.name) for f in dataclasses.fields(fit) if f.init}, levels={})
+    with pytest.warns(DeprecationWarning, match="effective_samples"):
+        assert joint.effective == fit.effective_samples
+    with pytest.raises(AttributeError, match="'JointFit' object has no attribute 'temperatures'"):
+        _ = joint.temperatures

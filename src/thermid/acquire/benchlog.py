@@ -183,7 +183,7 @@ def _trip(data: bytes) -> str:
         return ""
     session, elapsed, word, text = (each.decode("latin-1") for each in marks[-1])
     walls = {number.decode(): wall.decode("latin-1") for number, wall in _WALL.findall(data)}
-    of = text.removeprefix("the board says so").removeprefix(" of ")
+    of = re.sub(r"^(reported by the board|the board says so)( of )?", "", text)  # the second in logs of earlier versions
     why = f"over-temperature{' of ' + of if of else ''}" if word == "overtemp" else "no sensor could be read"
     return f"{why}, {float(elapsed):.0f} s after the start {session} of this log ({walls.get(session, 'at an unknown time')})"
 

@@ -194,7 +194,7 @@ class FaultWatch:
             if line.fields[0] == "latched":
                 return [("latched", f"heaters stay off since they were cut off ({line.fields[1]}), until --clear-latch")]
             detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
-            return [(line.fields[0], f"the board says so{' of ' + detail if detail else ''}")]
+            return [(line.fields[0], f"reported by the board{' of ' + detail if detail else ''}")]
         if line.kind in "BSC":
             return self._roll_call(line)
         if line.kind != "D":
@@ -312,7 +312,7 @@ class Logger:
     Raises
     ------
     RecordError   When the file is no log of the bench, another logger writes to it, or heaters are to be turned on that were cut off;
-                  the latter also from `step`, where the board says so.
+                  the latter also from `step`, when the board reports a cut-off.
     """
 
     def __init__(

@@ -7,18 +7,16 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thermid.arguments import takes_objects
+from thermid.campaign.stages import Campaign
 from thermid.errors import look_up
 from thermid.files import CREDIBILITY, write_text
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.tree.tree import ParameterSet
 from thermid.units import NAMES, from_si, unit
-
-if TYPE_CHECKING:
-    from thermid.campaign.stages import Campaign
 
 
 @dataclass(frozen=True)

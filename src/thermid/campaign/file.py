@@ -176,17 +176,18 @@ class CampaignSource:
         return log_kept(self.results, path, {**read, "channels": table.channels, "prepare": table.prepare, "checksum": known}, make)
 
     def _joined(self, record: Record, table: RecordTable, where: str) -> Record:
-        """Return a record with the log beside it, where the campaign names one."""
-        if table.joined is None:
-            return record
-        if table.files is not None:
+        """Return a record with the logs beside it, where the campaign names some; one whose clock the fit finds comes last."""
+        several = table.joined if isinstance(table.joined, list) else [table.joined] if table.joined is not None else []
+        if several and table.files is not None:
             raise DeckError("a pattern of files cannot be joined with one log. Give each log a record of its own by `file`.", where)
-        other, offset, rate = table.joined.record, table.joined.offset, table.joined.rate
-        if other not in self.names() or self.names()[other][1].joined is not None:
-            what = "is joined with a third" if other in self.names() else "is not in this campaign"
-            raise RecordError(f"it is joined with record '{other}', which {what}.{nearest(other, self.names())}", where)
-        ends = tuple(literal(text, "s", f"{where}.joined.offset") for text in ((offset, offset) if isinstance(offset, str) else offset))
-        return record.joined(self.record(other), (ends[0], ends[1]), rate)
+        for k, one in enumerate(sorted(several, key=lambda t: not (isinstance(t.offset, str) and isinstance(t.rate, float)))):
+            other, offset, place = one.record, one.offset, f"{where}.joined" + (f".{k}" if len(several) > 1 else "")
+            if other not in self.names() or self.names()[other][1].joined is not None:
+                what = "is joined with a third" if other in self.names() else "is not in this campaign"
+                raise RecordError(f"it is joined with record '{other}', which {what}.{nearest(other, self.names())}", where)
+            ends = tuple(literal(text, "s", f"{place}.offset") for text in ((offset, offset) if isinstance(offset, str) else offset))
+            record = record.joined(self.record(other), (ends[0], ends[1]), one.rate)
+        return record
 
     def bound(self, name: str, stage: StageTable) -> Record:
         """Return a record with the bindings of a stage in place of its own."""

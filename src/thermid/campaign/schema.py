@@ -34,7 +34,7 @@ class RecordTable(StrictTable):
     time: str | None = None
     channels: dict[str, str | Annotated[dict[str, Any], WithJsonSchema(channel_schema())]]
     prepare: list[dict[str, Any]] = []
-    joined: JoinedTable | None = None
+    joined: JoinedTable | list[JoinedTable] | None = None
     local: dict[str, LocalTable] = {}
     separator: str | None = None
     decimal: str | None = None
@@ -95,6 +95,14 @@ class SteadyTable(StrictTable):
     limit: str = "1 [K/h]"
 
 
+class CourseTable(StrictTable):
+    """A power that no log gives, from the beginning of each record on: its shape and time are fitted with the stage."""
+
+    into: str
+    shape: Literal["auto", "step", "ramp", "decay"] = "auto"
+    power: str = "1 [W]"
+
+
 class StageTable(StrictTable):
     """One level of aggregation."""
 
@@ -112,6 +120,7 @@ class StageTable(StrictTable):
     priors: dict[str, PriorTable | Literal["range"]] = {}
     scenario: ScenarioTable = ScenarioTable()
     readings: dict[str, str | ReadingTable] = {}
+    courses: dict[str, CourseTable] = {}
     weights: dict[str, float] = {}
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
     knee: float = Field(1.0, gt=0.0)

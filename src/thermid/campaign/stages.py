@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.campaign.advice import mistakes_of, next_command, refused
 from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign.hand import hand_values
 from thermid.campaign.joint import JointFit, fit_jointly, joint_key
-from thermid.errors import DeckError, IdentificationError, RecordError, errors_at, look_up, refuse_unknown
+from thermid.errors import DeckError, IdentificationError, RecordError, ThermidError, errors_at, look_up, refuse_unknown
+from thermid.explain.mistakes import Mistakes
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of
@@ -23,10 +26,12 @@ from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.store import Store, graft
 from thermid.measure import Record
+from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
+from thermid.power.courses import SHAPES, recovered
 from thermid.simulation.scenarios.scenario import STEADY, Scenario
 from thermid.toml_files import resolve_inside
 
@@ -55,7 +60,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     prior = [p for p in moving if store.states[p].acts and store.states[p].known and store.rows([p]).any()]
     free, frozen = freed(model, stage.free, stage.freeze, where, prior)
     prior = [p for p in prior if p not in frozen]
-    return Request(
+    asked = Request(
         model,
         records,
         tuple(free),
@@ -78,6 +83,27 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
         accepted=stage.name in source.accepted,
     )
+    return with_courses(asked, stage, where)
+
+
+def with_courses(request: Request, stage: StageTable, where: str) -> Request:
+    """Return a stage's request with the courses of unlogged powers that its table asks for, their shapes and times where they fit best.
+
+    Raises
+    ------
+    DeckError   When a course has the name of a load.
+    """
+    for name, table in stage.courses.items():
+        if name in request.model.loads:
+            raise DeckError(f"'{name}' is a load of the deck; a course adds to it under a name of its own.", f"{where}.courses.{name}")
+        shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
+        course = recovered(request, name, table.into, shapes=shapes, power=literal(table.power, "W", f"{where}.courses.{name}.power"))
+        request = course.within(request)
+        error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
+        said = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
+        held = "errors of other values hold for that time"
+        request = replace(request, remarks=(*request.remarks, f"{said}, on the profile of the fit; {held}."))
+    return request
 
 
 def _from_below(
@@ -285,10 +311,25 @@ class Campaign:
             self.joint.save(out[-1])
         return out
 
+    @cached_property
+    def mistakes(self) -> Mapping[str, Mistakes]:
+        """Stage -> mistakes in logs, decks or on the bench that would explain what it misses; looked for when first asked for."""
+        return {name: mistakes_of(fit) for name, fit in self.stages.items()}
+
+    @property
+    def file(self) -> str:
+        """Name of the campaign's file for commands to try."""
+        return self.source.path.name if self.source is not None else "CAMPAIGN"
+
     def __str__(self) -> str:
-        """Return all stages and verdicts as text, below a line that says which of them must not be used."""
-        parts = [*map(str, self.stages.values()), *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)]
-        return "\n\n".join([self.standing.over(self.title, "stage"), *parts])
+        """Return all stages and verdicts as text, below lines that say which must not be used and which mistake would explain it."""
+        head = self.standing.over(self.title, "stage")
+        head += "".join(f"\n{name}: {line}" for name, asked in self.mistakes.items() for line in asked.lines())
+        parts = []
+        for name, found in self.stages.items():
+            command = next_command(self.file, found, self.mistakes[name])
+            parts.append(f"{found}\n  next: {command}" if command else str(found))
+        return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
 
 
 @takes_objects
@@ -331,7 +372,10 @@ def run_stages(
             request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
             requests[stage.name], keys[stage.name] = request, request.key
             kept = recall(folder, stage.name, request.key)
-            found = fit(request, progress_of(notice, stage.name), kept)
+            try:
+                found = fit(request, progress_of(notice, stage.name), kept)
+            except ThermidError as error:
+                raise refused(error, request, stage.name, source.path.name) from None
             if kept is None:
                 changed[stage.name] = changed_since(folder, stage.name, ingredients)
                 if found.converged:

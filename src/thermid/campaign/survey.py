@@ -10,7 +10,7 @@ from thermid.campaign.cache import recall
 from thermid.campaign.file import CampaignSource, local_of, read_campaign, scenario_of
 from thermid.campaign.schema import StageTable, VerdictTable
 from thermid.campaign.stages import Notice, keyed, progress_of, readings_of, request_of
-from thermid.errors import NameNotFoundError, ThermidError, errors_at, nearest
+from thermid.errors import NameNotFoundError, ThermidError, errors_at, refuse_unknown
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.inputs import Input, InputTable, inputs_of
@@ -48,9 +48,8 @@ def survey(
     source = replace(read_campaign(campaign, data), results=folder)
     stages = source.content.stages
     names = [s.name for s in stages]
-    if stage and stage not in names:
-        raise NameNotFoundError(f"no stage '{stage}'.{nearest(stage, names)}", source.content.title)
     wanted = [stage] if stage else names
+    refuse_unknown(wanted, names, source.content.title, "no stage '{}'.", NameNotFoundError)
     below = {name: [n for i in s.inherit.values() for n in i.stages] for name, s in zip(names, stages, strict=True)}
     needed = set(wanted)
     for name in reversed(names):  # a stage inherits from earlier ones only
@@ -100,7 +99,7 @@ def check_campaign(
         where = source.where(f"stages.{k}")
         try:
             # what is inherited is not known yet; it changes values and no bindings
-            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": []}), k, {})
+            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": [], "courses": {}}), k, {})
         except ThermidError as error:
             found.append(_finding(error, where))
             continue

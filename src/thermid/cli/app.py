@@ -1,4 +1,4 @@
-"""``thermid``: the table of its commands, and how a command that fails says so. A command's module is imported when it is called."""
+"""``thermid``: the table of its commands, and how errors are printed. A command's module is imported when it is called."""
 
 from __future__ import annotations
 
@@ -38,6 +38,10 @@ COMMANDS = {
     "calibrate": Place(
         "fit.calibrate",
         "Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell.",
+    ),
+    "criticise": Place("explain.criticise", "Test the residuals of a fit, and try missing elements in refits where they are not noise."),
+    "plausibility": Place(
+        "explain.plausibility", "Compare fitted values with correlations and physical ranges. Exit code 1 if one is not physical."
     ),
     "report": Place("fit.report", "Run a campaign and write its report page, its PDF, or both."),
     "schema": Place("build.schema", "Print the JSON Schema of a file, for editors."),
@@ -93,7 +97,11 @@ COMMANDS = {
     ),
     "settle": Place(
         "logs.settle",
-        "Say whether a log is stable by a rule and where it will end; leave with 1 when it is not stable, 4 when that cannot be told.",
+        "Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide.",
+    ),
+    "watch": Place(
+        "watch.watch",
+        "Watch a running test: when to stop, what nobody measures, what went wrong. Exit code 0 at a stop, 1 with an alarm, 4 if declined.",
     ),
     "plan": Place("qualify.plan", "Say what a plan predicts of each test, and whether it stands as it was locked."),
     "qualify": Place(
@@ -109,6 +117,9 @@ COMMANDS = {
         "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
     ),
     "init": Place("start.init", "Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."),
+    "improve": Place(
+        "start.improve", "Search for the next structure of a stage; write deck and campaign with it, before and after side by side."
+    ),
     "example": Place(
         "start.example", "Copy a shipped example with its data into a new folder; published measurements are fetched and checked."
     ),

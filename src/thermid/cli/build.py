@@ -47,6 +47,7 @@ from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams.diagram import diagram as drawn
+from thermid.reporting.diagrams.map import network_map
 from thermid.reporting.pages.views import comparison_object, solution_object
 from thermid.simulation import transient
 from thermid.simulation.heat_map import margin_lines, margins
@@ -199,11 +200,15 @@ def diagram(
     to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
     force: Force = False,
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
+    as_map: Annotated[bool, typer.Option("--map", help="Every node on one page, for decks of 25 to 80 nodes.")] = False,
 ) -> None:
     """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
     if to.suffix.lower() != ".svg":
         raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
-    write_text(to, drawn(load_model(deck), folded=fold) + "\n", PICTURE)
+    if as_map and fold:
+        raise ScenarioError("a map shows every node; leave --fold out.", "--map")
+    model = load_model(deck)
+    write_text(to, (network_map(model) if as_map else drawn(model, folded=fold)) + "\n", PICTURE)
     typer.echo(f"diagram: {to}")
 
 

@@ -43,15 +43,19 @@ def look(
         write_text(to, seen[0].svg() + "\n", PICTURE)
     width = shutil.get_terminal_size((110, 24)).columns
     bad = any(each.problem for each in seen)
-    text = "\n\n".join("\n".join(each.lines(width)) for each in seen) + (f"\npicture: {to}" if to is not None else "")
-    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in seen]}, text)
+    parts = ["\n".join(each.lines(width)) for each in seen]
+    parts += ["\n".join(lines)] if (lines := picture.clock_lines(seen)) else []
+    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
+    clocks = {"clocks": picture.clocks_of(seen)} if len(seen) > 1 else {}
+    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in seen], **clocks}, text)
     raise SystemExit(2 if bad else 0)
 
 
 def settle(
     log: Annotated[Path, typer.Argument(help="A text log, also one that still grows.")],
     channel: Annotated[
-        list[str], typer.Option("--channel", help="Temperature column, or COLUMN=NODE; all whose name or unit says so by default.")
+        list[str],
+        typer.Option("--channel", help="Temperature column, or COLUMN=NODE; by default every column whose name or unit is a temperature."),
     ] = [],  # noqa: B006
     reference: Annotated[str, typer.Option("--reference", help="Column that the temperatures follow, such as the air.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
@@ -66,7 +70,7 @@ def settle(
     scenario: Annotated[Path | None, typer.Option("--scenario", help="Conditions of the stretch (TOML).")] = None,
     as_json: Json = False,
 ) -> None:
-    """Say whether a log is stable by a rule and where it will end; leave with 1 when it is not stable, 4 when that cannot be told."""
+    """Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide."""
     if not amount(with_unit(within, "K"), "K", "--within") > 0.0:
         raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within")
     record = _read(log, channel, reference, time)

@@ -1,4 +1,4 @@
-"""Commands of the first afternoon: init, example."""
+"""Commands of the first afternoon: init, improve, example."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from typing import Annotated
 import typer
 
 from thermid.campaign.stages import run_stages
-from thermid.cli.options import Json, leave, pairs, say
+from thermid.cli.options import CampaignPath, Data, Json, leave, pairs, say
+from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
 from thermid.reporting.pages import campaign as page
+from thermid.start import improve as improved
 from thermid.start.examples import EXAMPLES, copy_example, example_named
 from thermid.start.originals import PUBLIC, copies
 from thermid.start.project import parted, write_project
 from thermid.start.proposal import propose
 from thermid.start.roles import Roles, roles_of, thinned, word
+from thermid.start.templates import TEMPLATES, write_template
 
 
 def init(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of one unit, in any format; the last of several judges.")],
+    logs: Annotated[list[Path] | None, typer.Argument(help="Logs of one unit, in any format; the last of several judges.")] = None,
     to: Annotated[Path, typer.Option("--to", help="Folder of the project.")] = Path("."),
     temperature: Annotated[
         list[str] | None, typer.Option("--temperature", help="COLUMN or COLUMN=PART; all that look like temperatures by default.")
@@ -35,10 +38,16 @@ def init(
     ] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
+    template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
     seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
     as_json: Json = False,
 ) -> None:
     """Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."""
+    if not logs:
+        _from_template(template, to, as_json)
+        return
+    if template:
+        raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
     scales = pairs(full_scale or [], "--full-scale")
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
     if sys.stdin.isatty() and not as_json:
@@ -60,6 +69,24 @@ def init(
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, "\n".join([str(made), *ignored]))
+
+
+def _from_template(name: str, to: Path, as_json: bool) -> None:
+    """Write a project of a template."""
+    if not name and sys.stdin.isatty() and not as_json:
+        for known, (words, _) in TEMPLATES.items():
+            typer.echo(f"  {known}: {words}", err=True)
+        typer.echo("  tclab: two heaters on a board, real measurements", err=True)
+        name = typer.prompt("1 of 1. Template", default="part", err=True)
+    if not name:
+        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init")
+    if name == "tclab":
+        made = copy_example(name, to if to != Path() else None, copies(None))
+        say(as_json, {"files": [str(made.folder)], "next": made.example.first}, str(made))
+        return
+    command, files = write_template(name, to)
+    lines = [*(f"wrote {file}" for file in files), f"next: {command}"]
+    say(as_json, {"files": [str(f) for f in files], "next": command}, "\n".join(lines))
 
 
 def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
@@ -90,6 +117,25 @@ def _several(question: str, shown: Sequence[str]) -> list[str]:
     return [] if answer == "-" else [part.strip() for part in answer.split(",") if part.strip()]
 
 
+def improve(
+    campaign: CampaignPath,
+    stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
+    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    data: Data = None,
+    as_json: Json = False,
+) -> None:
+    """Search for the next structure of a stage; write deck and campaign with it, before and after side by side."""
+    made = improved.improve(campaign, stage, seconds, data)
+    content = {
+        "changes": [c.name for c in made.search.proposed.changes],
+        "gain": made.search.likelihood(made.search.proposed),
+        "cannot_tell": [t.name for t in made.search.ties if t.nodes != made.search.proposed.nodes],
+        "sensors": made.rows(),
+        "files": [str(f) for f in made.files],
+    }
+    say(as_json, content, str(made))
+
+
 def example(
     name: Annotated[str, typer.Argument(help="Name of an example; without it, the list.")] = "",
     to: Annotated[Path | None, typer.Option("--to", help="A new folder; the example's name by default.")] = None,
@@ -109,7 +155,7 @@ def example(
         return
     asked = example_named(name)
     if run and not asked.campaign:
-        raise typer.BadParameter(f"example '{name}' has no campaign; its command is: {asked.first}")
+        raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
         typer.echo(asked.data.words, err=True)
     made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)

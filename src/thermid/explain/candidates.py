@@ -195,6 +195,7 @@ class MissingElement:
     nodes : int         Masses that it adds; that of a sensor that lags is one.
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
+    chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
     """
 
     name: str
@@ -204,6 +205,7 @@ class MissingElement:
     nodes: int = 0
     starts: tuple[Mapping[str, float], ...] = ()
     additive: bool = False
+    chosen: int = 0
 
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one."""
@@ -218,7 +220,8 @@ class MissingElement:
         first = [*self.starts] or [{}]
         starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
         nodes, additive = self.nodes + other.nodes, self.additive and other.additive
-        return MissingElement(f"{self.name}, and {other.name}", other.make(self.request), judge, make, nodes, starts, additive)
+        name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
+        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen)
 
 
 @dataclass(frozen=True)

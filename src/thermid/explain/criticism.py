@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import MissingElement, missing_elements
+from thermid.explain.heats import unlogged_powers
 from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import Experiment
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.simulation.transient import simulate
@@ -138,6 +141,12 @@ class TraceCriticism:
         """Whether they are independent noise of the size that was stated."""
         return self.white and not self.loud
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI."""
+        keys = ("record", "sensor", "rmse", "noise", "lag_one", "ljung_box", "periodogram", "band", "effective", "white", "loud")
+        slopes = {n: {"slope": slope, "error": error} for n, (slope, error) in self.slopes.items()}
+        return {**{k: getattr(self, k) for k in keys}, "slopes": slopes}
+
     def __str__(self) -> str:
         """What they say, in words."""
         head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
@@ -171,6 +180,7 @@ class Candidate:
     evidence : float        The same less what chance gains with as many parameters (difference of BIC). [-]
     rmse : (float, float)   Before and after, all sensors. [K]
     fit : Calibration       The refit; None where it was refused.
+    chosen : int            Numbers chosen before the refit, such as the time of a course; they count as fitted ones.
     """
 
     name: str
@@ -180,6 +190,12 @@ class Candidate:
     evidence: float
     rmse: tuple[float, float]
     fit: Calibration | None
+    chosen: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI; `tried` is whether the refit was possible."""
+        keys = ("name", "found", "possible", "gain", "evidence")
+        return {**{k: getattr(self, k) for k in keys}, "rmse": list(self.rmse), "tried": self.fit is not None}
 
     def __str__(self) -> str:
         """The candidate in words."""
@@ -202,21 +218,35 @@ class Criticism:
     title : str                         The fit.
     traces : tuple of TraceCriticism    Per record and sensor.
     candidates : tuple of Candidate     Elements that were tried, the best supported first.
+    checks : tuple of str               Failed checks: values of single records that run with an input.
     """
 
     title: str
     traces: tuple[TraceCriticism, ...]
     candidates: tuple[Candidate, ...]
+    checks: tuple[str, ...] = ()
 
     @property
     def suggested(self) -> Candidate | None:
         """The best supported element whose value is possible, with very strong evidence; None where there is none."""
         return next((c for c in self.candidates if c.fit is not None and c.possible and c.evidence > STRONG), None)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return traces and candidates, in SI; `suggested` is the name of the best supported one, or nothing."""
+        best = self.suggested
+        return {
+            "stage": self.title,
+            "suggested": None if best is None else best.name,
+            "traces": [t.to_dict() for t in self.traces],
+            "candidates": [c.to_dict() for c in self.candidates],
+            "failed_checks": list(self.checks),
+        }
+
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
         coloured = [t for t in self.traces if not t.quiet]
         lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces leave nothing but noise"]
+        lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
             lines.append("  elements tried, each by itself in a refit:")
@@ -258,14 +288,57 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     """
     if fit.request is None or fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
-    traces = tuple(_traces(fit))
+    traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
     wanted = any(not t.quiet for t in traces) if elements is None else elements
     if not wanted:
-        return Criticism(fit.stage, traces, ())
+        return Criticism(fit.stage, traces, (), checks)
     modes: Modes = {}
     old = _likelihood(fit, modes)
-    tried = [_tried(fit, old, m, modes) for m in missing_elements(fit, fit.request)]
-    return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)))
+    tried = [_tried(fit, old, m, modes) for m in (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))]
+    return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)), checks)
+
+
+def running_locals(fit: Calibration) -> list[str]:
+    """Failed checks of values that each record has for itself: a fitted ambient cannot know the power of its record.
+
+    A value that goes with the mean power or command of its record answers for heat that the model misses. A parabola over records is
+    compared with a constant by the F test at 1 %, for as many inputs as are looked at (Bonferroni).
+    """
+    from scipy.special import fdtrc
+
+    means = {e.record.name: _mean_inputs(e) for e in fit.experiments}
+    names = list(dict.fromkeys(n for table in means.values() for n in table))
+    out = []
+    for local in dict.fromkeys(v.name for v in fit.local):
+        if local.startswith("initial."):
+            continue
+        own = {v.record: v.value for v in fit.local if v.name == local}
+        best = (1.0, "")
+        for name in names:
+            pairs = np.array([(means[r][name], value) for r, value in own.items() if name in means[r]]).reshape(-1, 2)
+            if len(pairs) < FEWEST_RECORDS or np.ptp(pairs[:, 0]) <= 0:
+                continue
+            x, y = pairs[:, 0] - pairs[:, 0].mean(), pairs[:, 1] - pairs[:, 1].mean()
+            design = np.column_stack([np.ones_like(x), x, x**2])
+            fitted = design @ np.linalg.lstsq(design, y, rcond=None)[0]
+            left, gone = float(np.sum((y - fitted) ** 2)), float(np.sum(fitted**2))
+            ratio = 0.5 * gone / max(left / (len(x) - 3), 1e-300)
+            chance = float(fdtrc(2.0, len(x) - 3.0, ratio)) * len(names)
+            words = f"'{local}' of {len(x)} records goes with the mean of '{name}': {short(float(np.ptp(fitted)), 2)} K over its range"
+            best = min(best, (chance, words))
+        if best[0] < 0.01:
+            out.append(f"{best[1]} (by chance: {short(best[0])}). It answers for heat that the model misses.")
+    return out
+
+
+FEWEST_RECORDS = 6
+"""Records from which a value of single records is compared with an input."""
+
+
+def _mean_inputs(experiment: Experiment) -> dict[str, float]:
+    """Return mean of every logged power and command of a record."""
+    channels = experiment.record.channels.values()
+    return {c.target or c.name: float(c.values[c.valid].mean()) for c in channels if c.role in ("load", "command") and c.valid.any()}
 
 
 def _traces(fit: Calibration) -> list[TraceCriticism]:
@@ -321,9 +394,9 @@ def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, mo
     except ThermidError as error:
         return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
     gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
-    added = max(len(found.fitted) - len(fit.fitted), 1)
+    added = max(len(found.fitted) - len(fit.fitted), 1) + missing.chosen
     evidence = gain - added * np.log(max(count, 2.0))
-    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found)
+    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found, missing.chosen)
 
 
 def _rmse(fit: Calibration) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,11 @@ class RangeCheck:
         reach = self.value + 2.0 * self.error >= self.low if self.value < self.low else self.value - 2.0 * self.error <= self.high
         return "doubtful" if reach else "not physical"
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return its figures, in SI."""
+        keys = ("path", "value", "error", "low", "high", "verdict", "what", "source")
+        return {**{k: getattr(self, k) for k in keys}, "meaning": self.meaning if self.verdict != "possible" else ""}
+
     def __str__(self) -> str:
         """The finding in words."""
         text = f"{self.path} = {self.value:.4g} +- {self.error:.2g}: {self.verdict}; {self.what} is {self.low:.3g} to {self.high:.3g}"
@@ -108,6 +114,11 @@ class Plausibility:
     def physical(self) -> bool:
         """Whether no value is outside what is physical beyond doubt."""
         return all(f.verdict != "not physical" for f in self.findings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the findings, in SI."""
+        findings = [f.to_dict() for f in self.findings]
+        return {"stage": self.title, "physical": self.physical, "findings": findings, "unjudged": list(self.unjudged)}
 
     def __str__(self) -> str:
         """Return the findings as text, the worst first."""

@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,10 @@ from thermid.fit.problem.unknowns import Prior, Unknown, starting_point
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.measure.record.channel import BoolArray
+from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.parts.parameter import exact
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.transient import simulate
 
 TIE = 2.0
 """Difference of held-out log-likelihoods below which two structures cannot be separated. [-]"""
@@ -40,6 +44,8 @@ PRIOR_STEP = 1.5
 """Standard deviation that a score allows each logarithm, so that one step is not believed farther than it can be. [-]"""
 FREE_STEP = 20.0
 """The same for a value that begins small and whose effect is proportional to it, over `PRIOR_STEP`. [-]"""
+SHOWN = 400
+"""Most readings of a test that may separate two structures. [-]"""
 CHALLENGES = 3
 """Structures of one mass more that are refitted at the end."""
 STARTS = 5.0
@@ -146,7 +152,7 @@ class _Plain:
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class PromisedChange:
     """What one evaluation promises of a change.
 
     Parameters
@@ -227,6 +233,7 @@ class StructureSearch:
             if one.nodes != self.proposed.nodes:
                 apart = self.likelihood(one) - gain
                 lines.append(f"  Cannot tell from: {one.name} ({one.nodes} masses; held-out log-likelihood differs by {apart:+.2g}).")
+                lines.append(f"    {telling_test(self.proposed, one)}")
         tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
         shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
         lines += ["  refitted, held-out log-likelihood over the structure at the beginning:", *shown] if shown else []
@@ -326,14 +333,14 @@ class _Searching:
             return None
         top = max(m.held.likelihood(scale) for m in able)
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
-        return min(near, key=lambda m: (m.nodes, -m.held.likelihood(scale)))
+        return min(near, key=lambda m: _rank(m, scale))
 
     def _challenge(self, best: FittedStructure) -> None:
         """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
         for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
             self._refitted(best, score)
 
-    def _scores(self, best: FittedStructure) -> list[Score]:
+    def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return the score of every change."""
         seen = Fitted.of_problem(best.request, best.problem, best.end.fitted)
         reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
@@ -354,15 +361,15 @@ class _Searching:
                 except ThermidError:
                     continue
                 self.scored += 1
-                out.append(Score(change, start, (before - after) / reduced))
-        best_of: dict[str, Score] = {}
+                out.append(PromisedChange(change, start, (before - after) / reduced))
+        best_of: dict[str, PromisedChange] = {}
         for score in out:
             rival = best_of.get(score.change.name)
             if rival is None or score.gain > rival.gain:
                 best_of[score.change.name] = score
         return list(best_of.values())
 
-    def _refitted(self, best: FittedStructure, score: Score) -> FittedStructure | None:
+    def _refitted(self, best: FittedStructure, score: PromisedChange) -> FittedStructure | None:
         if self._late():
             return None
         try:
@@ -406,11 +413,16 @@ class _Searching:
         scale = self._scale()
         own = best.held.likelihood(scale)
         alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
-        return min(alike, key=lambda s: (s.nodes, -s.held.likelihood(scale))) if alike else best
+        return min(alike, key=lambda s: _rank(s, scale)) if alike else best
 
 
-def _pair(a: Score, b: Score) -> Score:
-    return Score(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
+def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, float]:
+    """Return what the simplest of equals is least in: masses, then held-out likelihood with half a unit for each unknown."""
+    return one.nodes, 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
+
+
+def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
+    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
 def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:
@@ -585,6 +597,57 @@ def _memory(residuals: Array) -> float:
     memory = np.fft.irfft(spectrum)[: z.size] / power
     end = int(np.argmax(memory < 2.0 / np.sqrt(z.size))) or z.size
     return float(max(1.0 + 2.0 * memory[1:end].sum(), 1.0))
+
+
+def telling_test(one: FittedStructure, other: FittedStructure) -> str:
+    """Return in words which test would separate two structures: the one in which their fits differ most, in noises of the readings.
+
+    Tests from rest, with every logged power at its highest: on for half of the log and off for the other half; on and off in turns of a
+    twentieth; on for twice the log. Readings are those of the first record, as often as there.
+    """
+    experiment = one.problem.experiments[0]
+    record = experiment.record
+    watts = {c.target or c.name: float(np.nanmax(c.values)) for c in record.channels.values() if c.role == "load" and c.valid.any()}
+    if not any(watts.values()):
+        return "A test with a known power would tell; this log has none."
+    span, step = record.duration, max(record.step, record.duration / SHOWN)
+    tests: dict[str, tuple[float, Callable[[Array], Any]]] = {
+        f"on at the highest power for {_hours(0.5 * span)}, then off for as long": (span, lambda t: t < 0.5 * span),
+        f"on and off in turns of {_hours(0.05 * span)}, for {_hours(span)}": (span, lambda t: (t // (0.05 * span)) % 2 < 1),
+        f"on at the highest power for {_hours(2.0 * span)}": (2.0 * span, lambda t: t >= 0.0),
+    }
+    gains = {}
+    for words, (length, on) in tests.items():
+        times = np.arange(0.0, length, step)
+        loads = {name: TableSignal(times, np.where(on(times), top, 0.0), True) for name, top in watts.items()}
+        try:
+            gains[words] = _apart(one, other, times, loads)
+        except ThermidError:
+            continue
+    if not gains:
+        return "No test of the logged powers could be run with both."
+    words = max(gains, key=gains.__getitem__)
+    if gains[words] < TIE:
+        return f"No test with these powers and sensors would tell: of those tried, '{words}' gives {short(gains[words], 2)} units."
+    return f"A test would tell: from rest, {words} (about {short(gains[words], 2)} units of log-likelihood)."
+
+
+def _hours(seconds: float) -> str:
+    return f"{short(seconds / 3600.0, 2)} h" if seconds >= 5400.0 else f"{short(seconds / 60.0, 2)} min"
+
+
+def _apart(one: FittedStructure, other: FittedStructure, times: Array, loads: Mapping[str, TableSignal]) -> float:
+    """Return half the squares of the difference of both at the sensors, in noises."""
+    readings = []
+    for each in (one, other):
+        request = adopted(each)
+        base = each.problem.experiments[0]
+        rest = float(np.mean([o.measured[0] for o in base.observations]))
+        boundaries = {b: Constant(rest) for b in base.network.boundaries}
+        scenario = Scenario("test", boundaries=boundaries, loads=dict(loads), start=f"{rest!r} [K]", duration=f"{float(times[-1])!r} [s]")
+        run = simulate(request.model, scenario, times=times)
+        readings.append({o.sensor: run[o.node].kelvin / o.sigma(each.problem.noise) for o in base.observations})
+    return 0.5 * sum(float(np.sum((readings[0][s] - readings[1][s]) ** 2)) for s in readings[0])
 
 
 def adopted(one: FittedStructure) -> Request:

@@ -1,7 +1,4 @@
-"""`calibrate`: records and free names in, a `Calibration` out, or a refusal; the standing of a fit, and the store of what it found.
-
-A fit that leaves large residuals names mistakes in the log that would explain them.
-"""
+"""`calibrate`: records and free names in, a `Calibration` out, or a refusal; the standing of a fit, and the store of what it found."""
 
 from __future__ import annotations
 
@@ -10,13 +7,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
-from itertools import combinations, islice
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, SolverError, ThermidError
+from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.inputs import inputs_of
@@ -34,7 +31,7 @@ from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.linear_algebra import Array, null_space, symmetric_inverse
-from thermid.measure import Channel, Record
+from thermid.measure import Record
 from thermid.measure.amounts import short, some
 from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, worst
@@ -222,39 +219,10 @@ def tuned_by_hand(request: Request, hand: Store) -> Calibration:
 
 DIFFER = 3.0
 """Standard deviations from which two sensors of one node differ."""
-MISTAKEN = 25.0
-"""Weighted sum of squares per degree of freedom from which a mistake is looked for: residuals of five times the stated noise."""
-LEFT = 0.1
-"""Part of it that may be left for a mistake to be named."""
-PAIRS = 10
 STRANGE = 300.0
 """Ratio of the power of a log and that of the deck from which one of them is in another unit."""
 FULL = 101.0
 """Largest number that a duty cycle in per cent reaches, with what rounding adds."""
-UNITS = ((1e-3, "mW, where W were taken"), (1e3, "kW, where W were taken"))
-
-
-def mistakes(request: Request, problem: Problem, misfit: float, again: Callable[[Request], float]) -> tuple[str, ...]:
-    """Return remarks on mistakes that would explain a misfit.
-
-    Parameters
-    ----------
-    request : Request       What was asked.
-    problem : Problem       Its records, bound to the model.
-    misfit : float          Weighted sum of squares per degree of freedom that the fit left. [-]
-    again : callable        Returns that of another request.
-    """
-    if misfit < MISTAKEN:
-        return ()
-    out = []
-    for words, records in _others(request.records):
-        try:
-            left = again(replace(request, records=records, store=Store(), prior=(), seen={}))
-        except ThermidError:
-            continue
-        if left < LEFT * misfit:
-            out.append((left, f"{words} The residuals would then fall from {misfit**0.5:.2g} to {left**0.5:.2g} times the noise."))
-    return tuple(text for _, text in sorted(out)[:2])
 
 
 def strange_powers(problem: Problem) -> tuple[str, ...]:
@@ -280,30 +248,6 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
                     'power at 100 %, or, if these are watts, unit = "W".'
                 )
     return tuple(out.values())
-
-
-def _others(records: tuple[Record, ...]) -> Iterator[tuple[str, tuple[Record, ...]]]:
-    """Yield what may have been mistaken, as a question, and the records as they would then be."""
-    channels = [c for r in records for c in r.channels.values()]
-    nodes = dict.fromkeys(c.name for c in channels if c.quantity == "temperature" and c.role in ("auto", "node"))
-    for a, b in islice(combinations(nodes, 2), PAIRS):
-        yield f"are '{a}' and '{b}' exchanged?", tuple(_exchanged(r, a, b) for r in records)
-    powers = [c.name for c in channels if c.quantity == "power"]
-    named = ", ".join(f"'{p}'" for p in dict.fromkeys(powers))
-    for factor, mistaken in UNITS if powers else ():
-        yield f"was {named} logged in {mistaken}?", tuple(r.with_channels(*_scaled(r, factor)) for r in records)
-
-
-def _exchanged(record: Record, a: str, b: str) -> Record:
-    if a not in record.channels or b not in record.channels:
-        return record
-    one, other = record.channels[a], record.channels[b]
-    read = [replace(one, values=other.values, valid=other.valid, masks=other.masks)]
-    return record.with_channels(*read, replace(other, values=one.values, valid=one.valid, masks=one.masks))
-
-
-def _scaled(record: Record, factor: float) -> list[Channel]:
-    return [replace(c, values=factor * c.values) for c in record.channels.values() if c.quantity == "power"]
 
 
 def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> None:
@@ -705,9 +649,6 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     asked = strange_powers(problem)
     found = replace(found, remarks=(*found.remarks, *asked))
-    if stated and request.free and len(problem.experiments) == len(request.records):
-        more = mistakes(request, problem, found.chi_square / max(problem.freedom, 1.0), _misfit)
-        found, asked = replace(found, remarks=(*found.remarks, *more)), (*asked, *more)
     try:
         refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
@@ -715,7 +656,23 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
+    _refuse_without_errors(request, problem, errors.total)
     return with_discrepancy(summarise(request, problem, found, errors, random, spread))
+
+
+def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:
+    """Refuse a fit in which a variance comes out below zero: readings hardly depend on that value.
+
+    Raises
+    ------
+    IdentificationError   Names the value.
+    """
+    lost = [u.name for u, variance in zip(problem.unknowns, np.diag(total), strict=True) if not variance >= 0.0]
+    if lost:
+        raise IdentificationError(
+            f"at the end of the fit hardly any reading depends on {listed(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
+            request.name or request.model.title,
+        )
 
 
 @contextmanager
@@ -725,12 +682,6 @@ def _units_asked(problem: Problem) -> Iterator[None]:
         yield
     except SolverError as error:
         raise SolverError(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))]), error.where) from None
-
-
-def _misfit(request: Request) -> float:
-    """Return the weighted sum of squares per degree of freedom that one descent from the start leaves. [-]"""
-    problem = build_problem(request)
-    return minimise(problem, request.loss, request.loss_scale).chi_square / max(problem.freedom, 1.0)
 
 
 def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:

@@ -48,7 +48,7 @@ def contradicted(values: FittedValues) -> dict[str, str]:
 
 
 def loudly(values: FittedValues) -> tuple[str, ...]:
-    """Return the one sentence that says so at the head of a fit; nothing where nothing is contradicted."""
+    """Return the sentence about contradicted values for the head of a fit; nothing where nothing is contradicted."""
     far = contradicted(values)
     return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
 

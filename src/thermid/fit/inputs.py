@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from thermid.fit.problem.experiment import role_and_target
+from thermid.fit.problem.experiment import Experiment, role_and_target
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.unknowns import Unknown
+from thermid.measure import Channel
 from thermid.measure.amounts import short
 from thermid.model.laws.signal import Signal
 from thermid.physics.constants import ICE_POINT
-
-if TYPE_CHECKING:
-    from thermid.fit.problem.experiment import Experiment
-    from thermid.fit.problem.request import Request
-    from thermid.fit.problem.unknowns import Unknown
-    from thermid.measure import Channel
 
 Source = Literal["assumed", "deck", "scenario", "log"]
 SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")

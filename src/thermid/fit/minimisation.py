@@ -181,8 +181,7 @@ def minimise(
     SolverError             When the model cannot be run at the start.
     IdentificationError     When there is no such loss.
     """
-    if loss not in LOSSES:
-        raise IdentificationError(f"there is no loss '{loss}'; there are {', '.join(LOSSES)}.")
+    refuse_unknown([loss], LOSSES, "", "there is no loss '{}'; there are {known}.", IdentificationError)
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
@@ -203,20 +202,27 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
 
     tolerance = min(1e-10, max(search.done**2, 1e-15)) if search.fine else 1e-3
     try:
-        found = least_squares(
-            search.residuals,
-            at,
-            jac=search.slopes,
-            bounds=bounds,
-            x_scale=search.scale,
-            method="trf",
-            ftol=tolerance,
-            xtol=min(1e-10, max(search.done**2, 1e-15)),
-            gtol=1e-10,
-            max_nfev=200,
-        )
+        with np.errstate(over="ignore", invalid="ignore"):  # where a log contradicts its model a search may run very far
+            found = least_squares(
+                search.residuals,
+                at,
+                jac=search.slopes,
+                bounds=bounds,
+                x_scale=search.scale,
+                method="trf",
+                ftol=tolerance,
+                xtol=min(1e-10, max(search.done**2, 1e-15)),
+                gtol=1e-10,
+                max_nfev=200,
+            )
     except _Arrived as arrived:
         return arrived.x, str(arrived), True
+    except np.linalg.LinAlgError:
+        raise SolverError(
+            "the fit ran to values at which its derivatives are no numbers. Give its parameters min and max, or priors. Look at the log "
+            "too: a column, a unit or a node may be wrong.",
+            "fit",
+        ) from None
     return found.x, found.message, bool(found.success)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import box_of, package
 from thermid.fit.problem.residuals import Compressed, Problem, wanders
@@ -51,8 +51,7 @@ class Posterior:
         ------
         NameNotFoundError   With the nearest name.
         """
-        if path not in self.draws:
-            raise NameNotFoundError(f"'{path}' was not sampled.{nearest(path, self.draws)}", self.stage)
+        refuse_unknown([path], self.draws, self.stage, "'{}' was not sampled.", NameNotFoundError)
         low, high = np.quantile(self.draws[path], [(1.0 - share) / 2.0, (1.0 + share) / 2.0])
         return float(low), float(high)
 

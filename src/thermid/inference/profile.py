@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, NameNotFoundError, SolverError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import minimise
 from thermid.fit.problem.residuals import Compressed, Problem
@@ -124,8 +124,7 @@ def asked(fit: Calibration, path: str) -> tuple[Problem, int]:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     names = [u.name for u in fit.problem.unknowns]
     name = fit.model.canonical(path)
-    if name not in names:
-        raise NameNotFoundError(f"'{path}' was not free in this fit.{nearest(name, names)}", fit.stage)
+    refuse_unknown([name], names, fit.stage, f"'{path}' was not free in this fit.", NameNotFoundError)
     return fit.problem, names.index(name)
 
 
@@ -336,8 +335,7 @@ def valley(source: Calibration | Identifiability, first: str, second: str, point
 
 def _position(source: Identifiability, path: str) -> int:
     names = source.information.names
-    if path not in names:
-        raise NameNotFoundError(f"'{path}' is not free here.{nearest(path, names)}", source.title)
+    refuse_unknown([path], names, source.title, "'{}' is not free here.", NameNotFoundError)
     return names.index(path)
 
 

@@ -201,7 +201,7 @@ def validate(
 
     Notes
     -----
-    Values that are not credible, or rest on such, are not judged: the verdict says so, and the record is not looked at.
+    Values that are not credible, or rest on such, are not judged: the verdict names them, and the record is not looked at.
     """
     if not calibration.standing.judgeable:
         return not_judged(calibration, record.name, title)

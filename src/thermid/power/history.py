@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem, SensorTrace
@@ -430,8 +430,7 @@ def power_history(
     IdentificationError     When there is no such prior, a stretch lies outside the log, or parameters are free without any known power.
     NameNotFoundError       When there is no such load.
     """
-    if prior not in PRIORS:
-        raise IdentificationError(f"there is no prior '{prior}'; there are {', '.join(PRIORS)}.", "power_history")
+    refuse_unknown([prior], PRIORS, "power_history", "there is no prior '{}'; there are {known}.", IdentificationError)
     where = f"power of {load}"
     path, model = _plain(model, load)
     if free and not known and not priors:
@@ -489,8 +488,7 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
     """Return the load's path, and the model in which it is a plain power."""
     path = model.canonical(load)
     loads = {found.path: found for found in compile_network(model).flat.loads}
-    if path not in loads:
-        raise NameNotFoundError(f"no load '{load}' in {model.title}.{nearest(load, loads)}", model.title)
+    refuse_unknown([path], loads, model.title, f"no load '{load}' in {model.title}.", NameNotFoundError)
     given = model.at(path)
     assert isinstance(given, HeatLoad)
     fields = {k: v for k, v in given.fields.items() if k == "power"}

@@ -104,8 +104,7 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     place = f"{where}, {name}"
     if isinstance(spec, Number):
         return spec
-    if name not in SLOTS and name not in WORDS:
-        raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", where)
+    refuse_unknown([name], (*SLOTS, *WORDS), where, "a profile has no '{}'.", ScenarioError)
     note = ""
     if isinstance(spec, Mapping):
         unknown = set(spec) - {"value", "mark", "clause", "note"}

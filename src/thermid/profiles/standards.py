@@ -125,9 +125,7 @@ def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> 
     place = f"{where}, profile"
     if not isinstance(data, Mapping) or not data:
         raise ScenarioError("there is no table [profile].", place)
-    for key in data:
-        if key not in KEYS and key not in SLOTS and key not in WORDS:
-            raise ScenarioError(f"a profile has no '{key}'.{nearest(key, [*KEYS, *SLOTS, *WORDS])}", place)
+    refuse_unknown(data, (*KEYS, *SLOTS, *WORDS), place, "a profile has no '{}'.", ScenarioError)
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
         standard, name = _split(data["like"], place)

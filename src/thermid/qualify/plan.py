@@ -15,7 +15,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, refuse_unknown
-from thermid.files import read_bytes
+from thermid.files import OWN, read_bytes, write_text
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
 from thermid.judge.limits import Limits, load_limits, read_limits
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 
 from datetime import UTC, datetime
-
-from thermid.files import OWN, write_text
 
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
 """What a test's table may gain once it was made; the rest is the plan."""
@@ -321,8 +319,7 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
         raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
     if test.profile is None and test.scenario is None:
         raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario.", where("name"))
-    if test.host and test.host not in content.hosts:
-        raise NameNotFoundError(f"there is no host '{test.host}'.{nearest(test.host, content.hosts)}", where("host"))
+    refuse_unknown([test.host] if test.host else (), content.hosts, where("host"), "there is no host '{}'.", NameNotFoundError)
     for key in ("sensors", "weights"):
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
     have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."

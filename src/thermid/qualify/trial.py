@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, RecordError, ScenarioError, nearest
+from thermid.errors import NameNotFoundError, RecordError, ScenarioError, refuse_unknown
 from thermid.explain.diagnosis import Diagnosis, diagnose
 from thermid.fit.calibration import Calibration
 from thermid.judge.correlation import Correlation, Exclusions, Overlay, correlate, overlays, paired
@@ -237,14 +237,13 @@ def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Ma
     nodes = [n.path for n in flatten(known.model).nodes]
     asked = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
     for key, node in asked:
-        if known.model.canonical(node) not in nodes:
-            raise NameNotFoundError(f"no node '{node}'.{nearest(node, nodes)}", f"{plan.path.name}, {key}")
+        refuse_unknown([known.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
 
 
 def _course(
     plan: Plan, test: TestTable, known: Known, progress: Callable[[int, int, float], None] | None
 ) -> tuple[Scenario, ProfileRun | None]:
-    """Return what is done to the model, and the phases where a profile says so."""
+    """Return what is done to the model, and its phases where it follows a profile."""
     scenario: Scenario | None = None
     if isinstance(test.scenario, str):
         scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))

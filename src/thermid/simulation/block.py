@@ -216,8 +216,7 @@ def simulate_block(
     """
     wanted, opts = output_times(scenario, every, times), options or Options()
     where = f"{block.title}, {scenario.title}"
-    if opts.method not in METHODS:
-        raise ScenarioError(f"a block is run by one of {', '.join(METHODS)}, not by '{opts.method}'.", where)
+    refuse_unknown([opts.method], METHODS, where, "a block is run by one of {known}, not by '{}'.", ScenarioError)
     network = compile_block(block, scenario)
     names = tuple(watch) if watch is not None else (*EXTREMES, *block.heaters)
     watched = [_watched(block, name) for name in names]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, real_power
-from thermid.errors import ScenarioError, SolverError, ThermidError
+from thermid.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.linear_algebra import Array, Bools, Indices
 from thermid.model.laws.signal import Constant
 from thermid.physics.constants import ICE_POINT
@@ -176,8 +176,7 @@ class Ensemble:
 
     def _kept(self, node: str) -> str:
         path = self._find(node)
-        if path not in self.nodes:
-            raise ScenarioError(f"'{node}' was not kept; name it in 'nodes'. Kept are {', '.join(self.nodes)}.", self.title)
+        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not kept; name it in 'nodes'. Kept are {{known}}.", ScenarioError)
         if len(self.failed) == self.members:
             raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
         return path

@@ -65,9 +65,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
     known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
-    unknown = set(table) - {*known, "gas", "sealed", "vented"}
-    if unknown:
-        raise ScenarioError(f"a gas has {', '.join(known)}, gas, sealed and vented, not {', '.join(sorted(unknown))}.", where)
+    refuse_unknown(table, (*known, "gas", "sealed", "vented"), where, "a gas has {known}, not {}.", ScenarioError)
     given: dict[str, Any] = {
         name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
     }

@@ -316,8 +316,7 @@ def ascent_checks(
     ------
     ScenarioError   When the scenario has no such gas, or its pressure is constant.
     """
-    if air not in scenario.environment:
-        raise ScenarioError(f"it has no gas '{air}'; there are {', '.join(scenario.environment) or 'none'}.", scenario.title)
+    refuse_unknown([air], scenario.environment, scenario.title, "it has no gas '{}'; there are {known}.", ScenarioError)
     # that of a vented volume is worked out
     pressure = scenario.media().signals().get(f"pressure {air}")
     if pressure is None or pressure.cycle == 0.0:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, SolverError, look_up, nearest
+from thermid.errors import ScenarioError, SolverError, look_up, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, signal
 from thermid.model.parts.elements import HeatLoad
@@ -166,9 +166,8 @@ def moisture(
         if volume.to and flat.names.find(volume.to) not in (*open_air, *own):
             raise ScenarioError(f"'{name}' exchanges gas with '{volume.to}', whose humidity is not given.", scenario.title)
     others = {flat.names.find(v.to) for v in own.values() if v.to}
-    for name in (*own, *open_air):
-        if name not in gases and name not in others:
-            raise ScenarioError(f"no surface exchanges heat with '{name}' by convection.{nearest(name, gases)}", scenario.title)
+    no_surface = "no surface exchanges heat with '{}' by convection."
+    refuse_unknown((*own, *open_air), {*gases, *others}, scenario.title, no_surface, ScenarioError)
     parts = [c for c in _exchanging(flat) if c.gas in (*open_air, *own)]
     wet, names = _with_latent(model, [c.path for c in parts])
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}

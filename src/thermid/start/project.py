@@ -13,7 +13,7 @@ import tomlkit
 
 from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.structures import FittedStructure
-from thermid.files import DECK, FileKind, may_write, write_text
+from thermid.files import DECK, may_write, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.measure.record.record import Record
@@ -22,8 +22,8 @@ from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
 from thermid.start.proposal import LOOSE_AMBIENT, Proposal
 from thermid.start.roles import SURROUNDINGS, thinned_step
+from thermid.start.templates import ROOT, TEMPLATE
 
-PROJECT = FileKind("project file")
 FITTED, KEPT = 0.7, "holdout"
 """Part of a single log that is fitted; the rest judges."""
 SLIGHT = 0.02
@@ -94,8 +94,8 @@ def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], ke
     deck = f"{title}.toml"
     texts = {
         deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
-        "scenario.toml": (_scenario(proposal, fitted), PROJECT.of("scenario")),
-        "campaign.toml": (_campaign(proposal, request, fitted, kept, deck, source, title), PROJECT.of("campaign")),
+        "scenario.toml": (_scenario(proposal, fitted), TEMPLATE.of("scenario")),
+        "campaign.toml": (_campaign(proposal, request, fitted, kept, deck, source, title), TEMPLATE.of("campaign")),
     }
     folder.mkdir(parents=True, exist_ok=True)
     logs = folder / "logs"
@@ -110,7 +110,7 @@ def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], ke
         write_text(folder / name, text, kind)
     marker = folder / "thermid.toml"
     if not marker.exists():
-        write_text(marker, "# This file marks the root of a thermid project: decks and logs are looked for below it.\n", PROJECT.of("root"))
+        write_text(marker, ROOT, TEMPLATE.of("root"))
         files.append(marker)
     return Written(folder, tuple(files), proposal, fixed, left_out)
 
@@ -192,8 +192,9 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     parts = {node: column for column, node in proposal.roles.parts.items()}
     measured = {c.target for r in request.records for c in r.channels.values()}
     for name, item in document.get("nodes", {}).items():
+        held = "; fixed: the log does not tell it" if f"{name}.capacitance" in fixed else ""
         if name in parts and name in measured:
-            item.comment(f"measured: column {parts[name]}")
+            item.comment(f"measured: column {parts[name]}{held}")
         elif name in measured:
             item.comment("the sensor itself, which lags behind its part; its heat capacity is kept small")
         else:
@@ -287,8 +288,9 @@ def _campaign(proposal: Proposal, request: Request, fitted: Sequence[Record], ke
     verdict = tomlkit.table()
     verdict.update({"name": "hold-out", "model": "first fit", "record": KEPT})
     verdict.add("criteria", tomlkit.item({"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}))
-    if local:
-        verdict.add("local", tomlkit.item({k: v for k, v in local.items() if not k.startswith("initial.")} or local))
+    unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}
+    if unseen:
+        verdict.add("local", tomlkit.item(unseen))
     verdicts = tomlkit.aot()
     verdicts.append(verdict)
     document.add("verdicts", verdicts)
@@ -299,6 +301,15 @@ def _campaign(proposal: Proposal, request: Request, fitted: Sequence[Record], ke
         "Noise is what second differences of the readings show.",
     ]
     return _said(head) + tomlkit.dumps(document)
+
+
+def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return starts of masses without a sensor in a record that begins warm: near the first reading, within the range of the readings."""
+    column = next(iter(seats))
+    values = records[0][column].values[records[0][column].valid]
+    spread = f"{max(0.5 * float(np.ptp(values)), 1.0):.2g} [K]"
+    hidden = [n for n in request.model.nodes if n not in seats.values()]
+    return {f"initial.{n}": {"start": column, "sd": spread} for n in hidden}
 
 
 def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:

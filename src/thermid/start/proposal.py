@@ -17,7 +17,7 @@ from thermid.fit.problem.request import LocalSpec, Request
 from thermid.measure.record.record import Record
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.start.roles import SURROUNDINGS, Power, Roles, with_noise
+from thermid.start.roles import SURROUNDINGS, Power, Roles, part_name, with_noise
 
 MOST_MASSES = 4
 """Masses that a proposal may have, those of measured parts included; more measured parts than that stay."""
@@ -175,7 +175,7 @@ def _placed(power: Power, roles: Roles, records: Sequence[Record]) -> Power:
     if power.node or len(parts) == 1:
         return replace(power, node=power.node or next(iter(parts.values())))
     digits = [c for c in power.column if c.isdigit()]
-    named = [n for c, n in parts.items() if (digits and [d for d in c if d.isdigit()] == digits) or n in power.load.split("_", 1)[1]]
+    named = [n for c, n in parts.items() if (digits and [d for d in c if d.isdigit()] == digits) or n in part_name(power.column)]
     if len(named) == 1:
         return replace(power, node=named[0])
     best = max(parts, key=lambda column: _answer(power.column, column, records))

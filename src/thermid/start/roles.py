@@ -47,7 +47,7 @@ class Power:
     @property
     def load(self) -> str:
         """Name of its load in the model."""
-        return f"heat_{word(self.column)}"
+        return f"heat_{part_name(self.column)}"
 
     @property
     def anchored(self) -> bool:
@@ -112,6 +112,17 @@ def word(text: str) -> str:
     return plain if plain and not plain[0].isdigit() else f"part_{plain}"
 
 
+def part_name(column: str) -> str:
+    """Return the name of the part that a column is of: without what says that it is a temperature or a power, and without its unit.
+
+    >>> part_name("T_plate_C"), part_name("P_heater_W"), part_name("T1"), part_name("Winding_Temp_C")
+    ('plate', 'heater', 't1', 'winding')
+    """
+    plain = re.sub(r"(?<=[a-z0-9])_(c|f|k|w|mw|pct|degc)\Z", "", word(column))
+    bare = re.sub(r"\A(t|temp|temperature|p|power)_(?=[a-z])|_(temp|temperature|power)\Z", "", plain)
+    return bare or plain
+
+
 def thinned(record: Record) -> Record:
     """Return a record of at most `MOST_SAMPLES` readings, switching of powers kept."""
     if record.times.size <= MOST_SAMPLES:
@@ -161,10 +172,12 @@ def roles_of(
     guessed = {kind: [n for n, c in columns.items() if c.guess == kind] for kind in ("temperature", "boundary", "power", "duty")}
     around = surroundings or next(iter(guessed["boundary"]), "")
     parts = dict(_pair(t) for t in temperatures) or {
-        n: word(n)
+        n: part_name(n)
         for n in (*guessed["temperature"], *guessed["boundary"])
         if n != around and n not in [p.partition("=")[0] for p in powers]
     }
+    if len(set(parts.values())) < len(parts):
+        parts = {n: word(n) for n in parts}
     if not parts:
         raise RecordError("no column looks like the temperature of a part. Name them: --temperature COLUMN=PART.", path.name)
     scales = dict(full_scale or {})
@@ -181,7 +194,7 @@ def roles_of(
 
 def _pair(text: str, named: bool = True) -> tuple[str, str]:
     column, _, node = text.partition("=")
-    return column.strip(), node.strip() or (word(column) if named else "")
+    return column.strip(), node.strip() or (part_name(column) if named else "")
 
 
 def _idle(values: FloatArray) -> bool:

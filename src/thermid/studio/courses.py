@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import ScenarioError, ThermidError, look_up
+from thermid.errors import ScenarioError, ThermidError, look_up, refuse_unknown
 from thermid.judge.limits import LimitCheck, Limits, check_limits, read_limits, spans
 from thermid.judge.margins import Margin, margins
 from thermid.model.parts.parameter import UNJUDGED, Standing
@@ -286,8 +286,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
 
 
 def _scenario(scenario: Scenario, gas: str) -> Scenario:
-    if gas not in ("air", "vacuum", "printed"):
-        raise ScenarioError(f"'{gas}' is none of air, vacuum, printed.", "studio")
+    refuse_unknown([gas], ("air", "vacuum", "printed"), "studio", "'{}' is none of {known}.", ScenarioError)
     return scenario if gas == "air" else scenario.vacuum(gas == "printed")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError
+from thermid.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.linear_algebra import Array, Bools
 from thermid.measure.readers.formats import is_bench_log
 from thermid.measure.readers.log_reader import read_record, temperature_columns
@@ -116,8 +116,7 @@ class Follower:
         window, reference = window_of(asked), str(asked.get("reference") or "")
         since = _hours(asked.get("since"), "since")
         names = [n for n in record.channels if n != reference]
-        if reference and reference not in record.channels:
-            raise RecordError(f"there is no channel '{reference}'.", record.name)
+        refuse_unknown([reference] if reference else (), record.channels, record.name, "there is no channel '{}'.")
         found: dict[str, ChannelStability] = {}
         why: dict[str, str] = {}
         first = float(record.times[0]) if since is None else since

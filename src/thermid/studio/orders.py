@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import DeckError
+from thermid.errors import DeckError, refuse_unknown
 from thermid.knowledge.store import model_standing
 from thermid.linear_algebra import Array
 from thermid.reporting.pages.views import clean, swap_object
@@ -131,8 +131,7 @@ def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: b
     DeckError       When there is no such gas.
     ThermidError    When a run is refused or cannot be finished.
     """
-    if gas not in GASES:
-        raise DeckError(f"'{gas}' is none of {', '.join(GASES)}.", "studio")
+    refuse_unknown([gas], GASES, "studio", "'{}' is none of {known}.", DeckError)
     runs = desk.curves(values, window)
     without = desk.without_gas(values, as_printed=gas == "printed") if gas != "air" else {}
     return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
@@ -154,9 +153,7 @@ def _curve(curve: ThinnedCurve, without: ThinnedCurve | None, measured: bool) ->
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return the model as SVG at a time of one of its runs, submodels folded as asked."""
     folded = tuple(map(str, asked.get("folded", ())))
-    unknown = [f for f in folded if f not in desk.parts]
-    if unknown:
-        raise DeckError(f"there is no part '{unknown[0]}' to fold.", desk.title)
+    refuse_unknown(folded, desk.parts, desk.title, "there is no part '{}' to fold.", DeckError)
     time, run = asked.get("time"), asked.get("run", 0)
     if not isinstance(run, int) or not (time is None or isinstance(time, int | float)):
         raise DeckError("a run is a whole number and a time a number.", "studio")

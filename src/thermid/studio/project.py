@@ -338,7 +338,7 @@ class StageState:
     below : tuple       Stages whose values it takes.
     sensors : dict      Sensor -> RMSE, of a stage that is done. [K]
     standing : str      How far the values of a stage that is done may be trusted, where a reader must be told; empty else.
-    because : str       The line that says so, with the stage that is the cause.
+    because : str       The reason, with the stage that is the cause.
     usable : bool       Whether an answer may rest on them.
     edition : int       Counts how often what the stage says was changed on disk.
     """

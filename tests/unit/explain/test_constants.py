@@ -283,7 +283,7 @@ def test_evidence_is_the_gain_less_what_chance_gains(plain: Calibration) -> None
     tried = [c for c in told.candidates if c.fit is not None]
     for c in tried:
         assert c.fit is not None
-        added = len(c.fit.fitted) - len(plain.fitted)
+        added = len(c.fit.fitted) - len(plain.fitted) + c.chosen
         assert c.gain - c.evidence == pytest.approx(added * np.log(150))
     assert tried
 

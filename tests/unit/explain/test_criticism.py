@@ -135,3 +135,34 @@ def test_a_calibration_from_elsewhere() -> None:
     fit = fitted(box(BARE), samples=51)
     with pytest.raises(td.ThermidError, match=r"was not made by a fit in this session"):
         td.criticise(replace(fit, request=None))
+
+
+def rooms(slope: float, count: int = 8) -> td.Calibration:
+    """A box in rooms that no column logs, at powers of 1 to 12 W, whose truth loses less at high power by `slope` [W/K per W]."""
+    rng, records = np.random.default_rng(8), []
+    times = np.arange(0.0, 9000.0, 60.0)
+    for k in range(count):
+        watts = 1.0 + 11.0 * k / (count - 1)
+        truth = box({**BARE, "loads/heat/power": f"{watts!r} [W]", "surfaces/skin/effective_htc": f"{6.0 - slope * watts!r} [W/(m^2 K)]"})
+        air = 22.0 + 0.3 * rng.standard_normal()
+        run = td.simulate(
+            truth, td.Scenario("s", boundaries={"air": f"{air} [degC]"}, start=f"{air} [degC]", duration="9000 [s]"), times=times
+        )
+        channels = {
+            "T": td.Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target="case", noise=0.05),
+            "P": td.Channel.of("P", np.full(times.size, watts), quantity="power", role="load", target="heat"),
+        }
+        records.append(td.Record.from_arrays(f"r{k}", times, channels))
+    return td.calibrate(box(BARE), records, [HTC, MASS], local={"air": {"start": "22 [degC]", "sd": "2 [K]"}}, search="local")
+
+
+def test_an_ambient_that_runs_with_the_power_is_a_failed_check() -> None:
+    found = td.criticise(rooms(0.2), elements=False)
+    assert len(found.checks) == 1
+    assert "'air' of 8 records goes with the mean of 'heat'" in found.checks[0]
+    assert "failed check" in str(found)
+
+
+def test_ambients_that_only_scatter_pass() -> None:
+    assert td.criticise(rooms(0.0), elements=False).checks == ()
+    assert td.criticise(rooms(0.2, count=4), elements=False).checks == ()  # four records are too few to say so

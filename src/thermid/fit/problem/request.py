@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, refuse_unknown
 from thermid.fit.problem.experiment import first_reading
 from thermid.fit.problem.unknowns import Unknown
 from thermid.knowledge.spreads import read_spread
@@ -50,9 +50,7 @@ class LocalSpec:
     def read(cls, given: Any, where: str) -> LocalSpec:
         """Return it from a text or a table with `start` and `sd`."""
         table = given if isinstance(given, Mapping) else {"start": given}
-        unknown = set(table) - {"start", "sd"}
-        if unknown:
-            raise IdentificationError(f"a local value has start and sd, not {', '.join(sorted(unknown))}.", where)
+        refuse_unknown(table, ("start", "sd"), where, "a local value has start and sd, not {}.", IdentificationError)
         if "start" not in table:
             raise IdentificationError("a local value needs a start.", where)
         sd = literal(table["sd"], "K", where) if "sd" in table else math.inf

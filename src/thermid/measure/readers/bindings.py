@@ -86,8 +86,7 @@ def _one(key: str, given: object, where: str) -> Binding:
         raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
     if given.get("prompt") and role not in ("load", "command"):
         raise RecordError("prompt says that a power or command was logged whenever it changed; it needs a load or command.", where)
-    if given.get("samples", "instant") not in SAMPLES:
-        raise RecordError(f"samples = {given['samples']!r} is neither 'instant' nor 'average'.", where)
+    refuse_unknown([given.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
     if "samples" in given and role in ("auto", "node"):
         raise RecordError("samples says what drives the model; it needs a boundary, load, command or prescribed.", where)
     words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")

@@ -457,7 +457,8 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
         text, notes = decoded(data, file)
         cells = read(text, file)
-        return replace(cells, notes=(*notes, *cells.notes))
+        made = any("SYNTHETIC" in line for line in text.split("\n", 20)[:20])
+        return replace(cells, notes=(*notes, *cells.notes), synthetic=cells.synthetic or made)
 
     return of_bytes
 

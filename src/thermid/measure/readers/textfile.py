@@ -123,7 +123,7 @@ def _plain_header(line: str, mark: str) -> str:
         return line
     try:
         names = next(csv.reader([line], delimiter=mark), [])
-    except csv.Error:  # a name without end; the reader of rows says so
+    except csv.Error:  # a name without end, which the reader of rows refuses
         return line
     plain = mark.join(names)
     return plain if '"' not in plain and plain.count(mark) == len(names) - 1 else line
@@ -197,7 +197,9 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
             twice = mark == "," and len(row) == 2 * width
             hint = "Commas seem to be the decimal sign too: export the log with semicolons." if twice else _MEND
             raise RecordError(f"{len(row)} columns stand in this line, {width} in the header. {hint}", f"{file}:{number}")
-    synthetic = any(line.lstrip().startswith("#") and "SYNTHETIC" in line for line in text.split("\n", 20)[:20])
+    synthetic = any(
+        line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
+    )
     commas = columns is None or mark != ","
     layout = Layout(separator=_SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
     return Cells(

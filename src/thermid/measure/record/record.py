@@ -95,7 +95,7 @@ class Record(Samples):
 
         Raises
         ------
-        RecordError   When a key is unknown or says something by half.
+        RecordError   When a key is unknown or lacks another one that it needs.
         """
         where = f"record '{self.name}', {name}"
         refuse_unknown(keys, KEYS, where)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, refuse_unknown
 from thermid.toml_files import Places
 
 NAME = "name"
@@ -45,10 +45,7 @@ def written_out(
     out, places = {key: value for key, value in data.items() if key != "tables"}, dict(where.lines)
     for title, table in tables.items():
         key = f"tables.{title}"
-        if table.makes not in grammar:
-            raise DeckError(
-                f"a table makes {', '.join(grammar)}; not '{table.makes}'.{nearest(table.makes, grammar)}", where(f"{key}.makes")
-            )
+        refuse_unknown([table.makes], grammar, where(f"{key}.makes"), "a table makes {known}; not '{}'.", DeckError)
         if bool(table.file) == bool(table.rows):
             raise DeckError("a table has a file or rows; one of them.", where(key))
         found = rows_of_file(table.file, where(f"{key}.file"), read, (NAME,)) if table.file else _from_list(table.rows, where(key))
@@ -127,8 +124,7 @@ def _nested(each: Mapping[str, Any], row: Mapping[str, Any], fields: Any, place:
     out: dict[str, Any] = _copied(each)
     for key, value in row.items():
         head = key.partition(".")[0]
-        if head not in fields:
-            raise DeckError(f"'{head}' is no field of what the table makes.{nearest(head, fields)}", place)
+        refuse_unknown([head], fields, place, "'{}' is no field of what the table makes.", DeckError)
         *groups, last = _steps(key)
         here = out
         for group in groups:

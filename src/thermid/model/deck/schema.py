@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field, create_model
 
 from thermid.errors import DeckError, ThermidError, nearest
 from thermid.grammar import StrictTable, reads
-from thermid.model.deck.assemblies import CoolerTable, LadderTable, PackageTable
+from thermid.model.deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model.deck.fields import (
     Coefficient,
     CurveTable,
@@ -33,7 +33,7 @@ from thermid.model.laws.curves import Curve, limited
 from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
 from thermid.model.laws.stores import melting, tabulated
-from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, Transition, check_modes, followed, of_difference
+from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model.parts.elements import (
     CONTROLS,
     LOAD_SLOTS,
@@ -53,7 +53,7 @@ from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.kinds import KINDS
 from thermid.model.parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
-from thermid.physics.view_factors import SHAPES
+from thermid.physics.view_factors import SHAPES, Placed, placed_factors
 
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
@@ -208,6 +208,44 @@ class JointTable(ElementTable):
 Rows: TypeAlias = list[list[Real]]
 
 
+Corner: TypeAlias = Annotated[list[str | Real], Field(min_length=3, max_length=3)]
+
+
+class PlaceTable(StrictTable):
+    """Where a face of an enclosure lies: a rectangle by corner and two sides, a disc, or the side of a cylinder."""
+
+    corner: Corner | None = None
+    sides: Annotated[list[Corner], Field(min_length=2, max_length=2)] | None = None
+    centre: Corner | None = None
+    normal: Annotated[list[Real], Field(min_length=3, max_length=3)] | None = None
+    axis: Corner | None = None
+    radius: str | Real | None = None
+    inside: bool = False
+
+    def placed(self, where: str) -> Placed:
+        """Return the face in space."""
+        given = {key for key, value in self if value not in (None, False)}
+        radius = literal(self.radius, "m", where) if self.radius is not None else 0.0
+        centre, axis = _metres(self.centre, where), _metres(self.axis, where)
+        if given == {"corner", "sides"} and self.sides:
+            made = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
+        elif given == {"centre", "normal", "radius"} and self.normal:
+            x, y, z = self.normal
+            made = Placed("disc", centre, (x, y, z), radius=radius)
+        elif given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
+            made = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
+        else:
+            raise DeckError("a place has corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where)
+        if not (0.0 < made.area < float("inf") and any(made.first)):
+            raise DeckError("a place needs sides, a radius, a normal or an axis above zero.", where)
+        return made
+
+
+def _metres(corner: list[str | Real] | None, where: str) -> tuple[float, float, float]:
+    x, y, z = (0.0 if v in (0, "0") else literal(v, "m", where) for v in corner or (0, 0, 0))
+    return x, y, z
+
+
 class EnclosureTable(ElementTable):
     """Surfaces that radiate to one another: view factors of a shape, given ones, or exchange factors."""
 
@@ -216,18 +254,21 @@ class EnclosureTable(ElementTable):
     dimensions: dict[str, str | Real] = {}
     view_factors: Rows | None = None
     exchange_factors: Rows | None = None
+    places: dict[str, PlaceTable] = {}
     rest: str = ""
 
     def element(self, where: Where) -> Enclosure:
         """Return the enclosure."""
-        ways = [w for w in ("shape", "view_factors", "exchange_factors") if getattr(self, w)]
+        ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
         if len(ways) != 1:
             raise DeckError(
-                f"an enclosure has shape, view_factors or exchange_factors, one of them; given: {' and '.join(ways) or 'none of them'}.",
+                "an enclosure has places, shape, view_factors or exchange_factors, one of them; given: "
+                f"{' and '.join(ways) or 'none of them'}.",
                 where(""),
             )
         size = len(self.faces)
         views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
+        views = self._seen(where) if self.places else views
         for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
             if matrix and {len(matrix), *map(len, matrix)} != {size}:
                 raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
@@ -239,6 +280,15 @@ class EnclosureTable(ElementTable):
         elif dimensions:
             raise DeckError("dimensions belong to a shape.", where(""))
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
+
+    def _seen(self, where: Where) -> tuple[tuple[float, ...], ...]:
+        """Return the view factors of faces that have a place each."""
+        if set(self.places) != set(self.faces):
+            odd = sorted(set(self.places) ^ set(self.faces))[0]
+            raise DeckError(f"every face has a place and every place is a face; '{odd}' is not both.", where("places"))
+        placed = [self.places[name].placed(where(f"places.{name}")) for name in self.faces]
+        _, factors, _ = placed_factors(tuple(placed), tuple(self.faces), where=where("places"))
+        return tuple(map(tuple, factors.tolist()))
 
 
 def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
@@ -479,11 +529,11 @@ class ControlTable(ElementTable):
             if self.table.outside == "refuse":
                 raise DeckError("a control's table is held or goes on outside its points; it cannot refuse a temperature.", where("table"))
 
-    def _transition(self, t: TransitionTable, where: str) -> Transition:
+    def _transition(self, t: TransitionTable, where: str) -> ModeChange:
         senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
         if len(senses) != 1:
             raise DeckError("a transition has one of above, below (a temperature) and after (a time in its mode).", where)
-        return Transition(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
+        return ModeChange(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
 class MadeInTable(StrictTable):
@@ -549,6 +599,7 @@ class _ConductorTable(ElementTable):
     tilt: str = ""
     aspect: str = ""
     control: Controlled | None = None
+    reversible: bool = False
 
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
@@ -563,6 +614,8 @@ class _ConductorTable(ElementTable):
             _check_gap(fields, words, where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
+        if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
+            raise DeckError("reversible belongs to a flow; of a gas to one that is given as mass_flow.", where("reversible"))
         points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
             raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
@@ -577,7 +630,8 @@ class _ConductorTable(ElementTable):
         if self.takes and "area" not in fields:
             raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
         law = shape if points is None else limited(points)
-        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, control_names(self.control))
+        by = control_names(self.control)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
 
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
@@ -654,6 +708,7 @@ class Deck(StrictTable):
     packages: dict[str, PackageTable] = {}
     ladders: dict[str, LadderTable] = {}
     coolers: dict[str, CoolerTable] = {}
+    fans: dict[str, FanTable] = {}
     tables: dict[str, RowsTable] = {}
     set: dict[str, Value] = {}
     cuts: list[str] = []
@@ -661,7 +716,20 @@ class Deck(StrictTable):
     made_in: dict[str, MadeInTable] = {}
 
 
-GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls", "submodels", "packages", "ladders", "coolers")
+GROUPS = (
+    "nodes",
+    "surfaces",
+    "conductors",
+    "joints",
+    "enclosures",
+    "loads",
+    "controls",
+    "submodels",
+    "packages",
+    "ladders",
+    "coolers",
+    "fans",
+)
 """Groups of a deck whose elements a table of rows may make."""
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, get_args
 from typing import Literal as OneOf
 
-from thermid.errors import DeckError, UnitError, errors_at
+from thermid.errors import DeckError, UnitError, errors_at, refuse_unknown
 from thermid.expression import Expression, Literal, parse
 from thermid.model.laws.options import Source
 from thermid.units import describe, from_si, unit
@@ -242,8 +242,7 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         if low is not None and high is not None and low > high:
             raise DeckError(f"its minimum {table['min']} is above its maximum {table['max']}. Bounds are never swapped silently.")
         source = table.get("source", "")
-        if source and source not in SOURCES:
-            raise DeckError(f"source '{source}' is none of {', '.join(SOURCES)}.")
+        refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is none of {known}.", error=DeckError)
         return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
 
 

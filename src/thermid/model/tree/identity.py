@@ -223,7 +223,7 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
     for raw, given in model.settings.items():
         path = model.canonical(raw)
         if path not in rows:
-            continue  # the table of values says so, with the nearest name
+            continue  # refused by the table of values, with the nearest name
         old = rows[path].given
         bounds = [old_b if b is None else b for b, old_b in ((given.minimum, old.minimum), (given.maximum, old.maximum))]
         whole = replace(given, minimum=bounds[0], maximum=bounds[1])
@@ -419,6 +419,7 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
         | _law_to(e)
         | ({"takes": list(e.takes)} if e.takes else {})
         | _controlled(e.controls)
+        | ({"reversible": True} if e.reversible else {})
         | flag(e)
         for n, e in model.conductors.items()
     }

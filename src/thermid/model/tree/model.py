@@ -21,7 +21,7 @@ class Model(Tree):
     def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:
         """Return the model with values laid over it.
 
-        Given to one of several instances of a deck, a value cuts it from the others: `check` says so. A fitted value given to several
+        Given to one of several instances of a deck, a value cuts it from the others, which `check` lists. A fitted value given to several
         instances stays one value of them all.
 
         Parameters

@@ -9,23 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from thermid.campaign.advice import next_command
+from thermid.campaign.retune import RetunePlan
+from thermid.campaign.stages import Campaign
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.residuals import SensorStatistics
+from thermid.fit.uncertainty.moved import Moves
+from thermid.judge.verdict import Verdict
+from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
-
-if TYPE_CHECKING:
-    from thermid.campaign.retune import RetunePlan
-    from thermid.campaign.stages import Campaign
-    from thermid.fit.calibration import Calibration
-    from thermid.fit.problem.residuals import SensorStatistics
-    from thermid.fit.uncertainty.moved import Moves
-    from thermid.judge.verdict import Verdict
-    from thermid.knowledge.values import FittedValue
-    from thermid.physics.htc import HtcComparison
-    from thermid.simulation.solution import Solution
+from thermid.physics.htc import HtcComparison
+from thermid.simulation.solution import Solution
 
 SCHEMA = 1
 
@@ -251,12 +250,18 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
     return {
         "title": campaign.title,
         "standing": campaign_standing(campaign),
-        "stages": [calibration_object(fit) for fit in campaign.stages.values()],
+        "stages": [{**calibration_object(fit), **_advice(campaign, name)} for name, fit in campaign.stages.items()],
         **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
         "verdicts": [_verdict(v) for v in campaign.verdicts],
         "passed": campaign.passed,
         "values_files": values,
     }
+
+
+def _advice(campaign: Campaign, stage: str) -> dict[str, Any]:
+    """Return the mistakes that would explain a stage's misfit, and the next command to try; empty where there is none."""
+    found = campaign.mistakes[stage]
+    return {"mistakes": found.to_dict(), "next": next_command(campaign.file, campaign.stages[stage], found)}
 
 
 def retune_object(plan: RetunePlan) -> dict[str, Any]:

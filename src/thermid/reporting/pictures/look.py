@@ -142,9 +142,14 @@ class Look:
                 out.append(f"  {c.name}: {'; '.join([c.why, *said] if c.guess == 'ignored' else said)}")
         return ["Remarks:", *out, ""] if out else []
 
+    @property
+    def name(self) -> str:
+        """What the record is called in the lines for a campaign."""
+        return re.sub(r"\W+", "_", self.path.name.partition(".")[0]).strip("_") or "log"
+
     def campaign(self) -> str:
         """Return the lines of a campaign for this log (TOML); what is a guess stands behind a comment sign or is marked."""
-        name = re.sub(r"\W+", "_", self.path.name.partition(".")[0]).strip("_") or "log"
+        name = self.name
         out = [f"[records.{name}]", f"file     = {json.dumps(self.path.name, ensure_ascii=False)}"]
         if self.clock is not None:
             out.append(f"time     = {json.dumps(self.clock.header, ensure_ascii=False)}")
@@ -228,6 +233,56 @@ class Look:
         if not panels:
             raise ThermidError("there is nothing to draw: no column is known as a temperature, power or duty.", self.path.name)
         return _standing(panels, legend, self.path.name, unit_name)
+
+
+_OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
+DAY = 86400.0
+
+
+def _time_of_day(look: Look) -> float | None:
+    """Return the time of day at which a log begins, by its first stamp; None where it has none. [s]"""
+    text = None if look.times is None else look.times.start or look.cells.start
+    found = _OF_DAY.search(text or "")
+    if found is None:
+        return None
+    hours, half = int(found[1]), (found[4] or "").lower()
+    hours = hours % 12 + 12 * (half == "p") if half else hours
+    return 3600.0 * hours + 60.0 * int(found[2]) + float((found[3] or "0").replace(",", "."))
+
+
+def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
+    """Return of each further log how it may be joined with the first one, by the times of day of their first stamps.
+
+    `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
+    """
+    if len(looks) < 2:
+        return []
+    first, out = _time_of_day(looks[0]), []
+    for each in looks[1:]:
+        own = _time_of_day(each)
+        late = None if first is None or own is None else (own - first + 0.5 * DAY) % DAY - 0.5 * DAY
+        out.append({"file": each.path.name, "record": each.name, "offset": late})
+    return out
+
+
+def clock_lines(looks: Sequence[Look]) -> list[str]:
+    """Return how several logs of one test are joined, in words and as lines for a campaign; nothing for one log."""
+    found = clocks_of(looks)
+    if not found:
+        return []
+    known = [f for f in found if f["offset"] is not None]
+    lines = [f"{counted(len(looks), 'clock')} of one test: if they agree, by the time of day of the first stamps"] if known else []
+    lines += [
+        f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}" for f in known
+    ]
+    lines += [f"  {f['file']} or {looks[0].path.name} has no stamps: give the offset" for f in found if f["offset"] is None]
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = "{0.0 if f["offset"] is None else f["offset"]:.6g} [s]" }}' for f in found)
+    return [
+        *lines,
+        f"Join them in [records.{looks[0].name}]; a pair as offset is a range in which the fit finds it:",
+        "",
+        f"    joined   = [{pairs}]",
+    ]
 
 
 def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:

@@ -135,7 +135,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
 def _write(
     to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[PageBlock], passed: bool | None, judged: int, **shown: object
 ) -> Path:
-    """Write a page; one without a failure and with something open says so in its head, in place of a count of what passed."""
+    """Write a page; without a failure, and with something undecided, its head names that in place of a count of what passed."""
     head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
     return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=outcome, **shown)
 

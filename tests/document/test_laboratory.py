@@ -1,0 +1,56 @@
+"""From the files of the document's instruments (SYNTHETIC) to a validated m_Sd: files and commands only, no line of Python by the user."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from document.laboratory_files import SISNAV, written
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs of the virtual laboratory, a column each."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    subprocess.run([sys.executable, str(SISNAV / "laboratory.py"), str(folder)], check=True, capture_output=True)
+    return folder / "logs"
+
+
+def command(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a command of thermid."""
+    return subprocess.run([sys.executable, "-m", "thermid", *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+def test_files_of_three_instruments_are_read_joined_and_validated(logs: Path, tmp_path: Path) -> None:
+    """The submodel of processor and power supply: capture and spreadsheet of each test."""
+    campaign = written(logs, tmp_path / "lab", ("ProcSISNAV", "EleGFO", "m_PrE"))
+    seen = json.loads(command("look", *sorted((tmp_path / "lab").glob("pre_both_*")), "--json").stdout)
+    assert [log["format"] for log in seen["logs"]] == ["serial capture", "text"]
+    assert seen["clocks"] == [{"file": "pre_both_potencia.csv", "record": "pre_both_potencia", "offset": 30.0}]
+    assert command("check", campaign).returncode == 0
+    done = command("calibrate", campaign, "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = json.loads(done.stdout)
+    assert [(v["model"], v["passed"], v["unseen"]) for v in said["verdicts"]] == [("m_PrE", True, True)]
+    assert [s["mistakes"]["named"] for s in said["stages"]] == [[], [], []]
+
+
+@pytest.mark.campaign
+def test_the_full_model_is_validated_from_files_and_commands(logs: Path, tmp_path: Path) -> None:
+    campaign = written(logs, tmp_path / "lab")
+    folder = tmp_path / "lab"
+    looked = command("look", *(folder / f"sd_all_{k}" for k in ("arduino.txt", "proc.lvm", "potencia.csv")))
+    assert "3 clocks of one test" in looked.stdout
+    assert "sd_all_proc.lvm begins 5 s after sd_all_arduino.txt" in looked.stdout
+    assert command("check", campaign).returncode == 0
+    done = command("calibrate", campaign, "--json")
+    said = json.loads(done.stdout)
+    assert {v["model"]: v["passed"] for v in said["verdicts"]} == {"m_PrE": True, "m_IMU": True, "m_Sd": True}, done.stdout[:2000]
+    assert all(s["synthetic"] for s in said["stages"])
+    page = folder / "page.html"
+    assert command("report", campaign, "--to", page).returncode == 0
+    assert page.stat().st_size > 100_000

@@ -1,0 +1,67 @@
+"""`thermid criticise` and `thermid plausibility`: what residuals ask for, and whether values are physical, in text and as an object."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from .conftest import Call
+
+
+@pytest.fixture
+def lagging(campaign: Path) -> Path:
+    """The project with its first log read through a sensor that lags by two minutes."""
+    log = campaign.parent / "logs" / "box_bench.csv"
+    head, *rows = log.read_text().splitlines()
+    seen, out = None, [head]
+    for row in rows:
+        time, reading, *rest = row.split(",")
+        seen = float(reading) if seen is None else seen + 0.4 * (float(reading) - seen)
+        out.append(",".join([time, f"{seen:.4f}", *rest]))
+    log.write_text("\n".join(out) + "\n")
+    return campaign
+
+
+def test_noise_needs_no_element(campaign: Path, call: Call) -> None:
+    said = call("criticise", campaign, "--stage", "box")
+    assert said.code == 0
+    assert said.out.startswith("box: 1 of 1 traces leave nothing but noise")
+    assert "elements tried" not in said.out
+    found = call("criticise", campaign, "--stage", "box", "--json").object["stages"]["box"]
+    assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
+
+
+def test_a_missing_element_is_named_in_text_and_as_an_object(lagging: Path, call: Call) -> None:
+    said = call("criticise", lagging, "--stage", "box")
+    assert "T_A in box_bench: RMSE" in said.out
+    assert "elements tried, each by itself in a refit:" in said.out
+    found = call("criticise", lagging, "--stage", "box", "--json").object["stages"]["box"]
+    best = max((c for c in found["candidates"] if c["tried"]), key=lambda c: c["evidence"])
+    assert best["evidence"] > 10.0
+    assert best["name"] in said.out
+
+
+def test_all_stages_and_one_that_is_not_there(campaign: Path, call: Call) -> None:
+    assert list(call("criticise", campaign, "--json").object["stages"]) == ["box", "pair"]
+    said = call("criticise", campaign, "--stage", "boxx")
+    assert said.code == 2
+    assert "stage 'boxx' is not in this campaign. Did you mean 'box'?" in said.err
+
+
+def test_values_are_compared_with_what_is_physical(campaign: Path, call: Call) -> None:
+    said = call("plausibility", campaign, "--stage", "box")
+    assert said.out.startswith("box: are the values physical?")
+    assert "skin.effective_htc = " in said.out
+    found = call("plausibility", campaign, "--stage", "box", "--json").object["stages"]["box"]
+    assert found["findings"][0]["path"] == "skin.effective_htc"
+    assert (said.code == 0) == found["physical"]
+
+
+def test_a_weight_that_cannot_be_is_not_physical(campaign: Path, call: Call) -> None:
+    said = call("plausibility", campaign, "--stage", "box", "--weight", "case=20 [g]", "--json")
+    assert said.code == 1
+    mass = next(f for f in said.object["stages"]["box"]["findings"] if f["path"].endswith("mass"))
+    assert mass["verdict"] == "not physical"
+    assert "mass moves along" in mass["meaning"]
+    assert call("plausibility", campaign, "--weight", "case").code == 2
