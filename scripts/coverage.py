@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "coverage.md"
 SEED = 20261121
-REAL = "<!-- real runs: begin -->"
-"""Where the part about real runs begins."""
+OTHERS = re.compile(r"^<!-- (?:real runs|noise): begin -->", re.MULTILINE)
+"""From here on the page is made by benchmarks/real_runs.py and scripts/noise_table.py."""
 REFUSALS = (
     "There the joint ends at its bound, and its error spans all bounds: it drops a third of a kelvin while each sensor may be 0.25 K off\n"
     "and the meters 1 %, and the constant law pulls it further. A refusal that names these instruments is the right answer to such a log."
@@ -90,8 +91,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=1000)
     sys.path.insert(0, str(ROOT / "tests"))
-    real = "".join(PAGE.read_text(encoding="utf-8").partition(REAL)[1:])  # made by benchmarks/real_runs.py
-    PAGE.write_text(page(parser.parse_args().draws) + (f"\n{real}" if real else ""), encoding="utf-8")
+    before = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    kept = before[found.start() :] if (found := OTHERS.search(before)) else ""
+    PAGE.write_text(page(parser.parse_args().draws) + ("\n" + kept if kept else ""), encoding="utf-8")
 
 
 if __name__ == "__main__":

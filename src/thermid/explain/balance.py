@@ -15,7 +15,7 @@ from thermid.fit.problem.experiment import at_their_seats, attached, bind, role_
 from thermid.linear_algebra import Array
 from thermid.measure import Record
 from thermid.measure.amounts import short
-from thermid.measure.record.steadiness import SteadyPoint
+from thermid.measure.record.steadiness import SteadyPoint, SteadyValue
 from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.network.controls import refuse_controllers
@@ -151,6 +151,14 @@ class _Parts:
     at: dict[str, float]
 
 
+def _together(values: list[float], errors: list[float]) -> tuple[float, float]:
+    """Return the mean of what several sensors of one node say, weighted by their errors, and its standard error, as wide as they differ."""
+    weights = np.maximum(np.array(errors), 1e-12) ** -2.0
+    mean, size = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+    apart = float(weights @ (np.array(values) - mean) ** 2) / max(len(values) - 1, 1)
+    return mean, size * max(1.0, apart**0.5)
+
+
 class _Case:
     """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
 
@@ -164,16 +172,18 @@ class _Case:
         self.slots: list[tuple[str, str]] = []
         given, errors = list[float](), list[float]()
         rates = list[tuple[str, float, float]]()
+        read: dict[tuple[str, str], list[SteadyValue]] = {}
         for name, v in point.values.items():
-            channel = point.source.channel(name)
-            role, path = role_and_target(point.source, channel, network)
-            if role == "command":
-                continue
+            role, path = role_and_target(point.source, point.source.channel(name), network)
+            if role != "command":
+                read.setdefault((role, path), []).append(v)
+        for (role, path), several in read.items():
             self.slots.append((role, path))
-            given.append(v.value)
-            errors.append(float(np.hypot(v.error, v.accuracy or 0.0)))
+            value, error = _together([v.value for v in several], [float(np.hypot(v.error, v.accuracy or 0.0)) for v in several])
+            given.append(value)
+            errors.append(error)
             if role == "node":
-                rates.append((path, v.rate, v.rate_error))
+                rates.append((path, *_together([v.rate for v in several], [v.rate_error for v in several])))
         self.nodes = tuple(p for role, p in self.slots if role == "node" and network.numbers().capacitances.get(p) is not None)
         if not self.nodes:
             raise RecordError("no channel observes a node that holds heat, so there is no balance to close.", point.name)

@@ -15,6 +15,7 @@ from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import power_while_on
 from thermid.knowledge.values import FittedValue
+from thermid.measure.amounts import short
 from thermid.model.laws.signal import literal
 from thermid.model.tree.flat import FlatConductor
 from thermid.network.network import Network
@@ -89,11 +90,13 @@ class Plausibility:
     title : str                     The fit.
     findings : tuple of RangeCheck     One per value that a range is held for.
     unjudged : tuple of str         Fitted parameters without a range.
+    undecided : tuple of str        Values whose own error is so wide that no range can reject them, in words.
     """
 
     title: str
     findings: tuple[RangeCheck, ...]
     unjudged: tuple[str, ...]
+    undecided: tuple[str, ...] = ()
 
     def __getitem__(self, path: str) -> RangeCheck:
         """Return the finding on a parameter.
@@ -123,7 +126,8 @@ class Plausibility:
         lines = [f"{self.title}: are the values physical?"]
         lines += [f"  {f}" for f in sorted(self.findings, key=lambda f: order.index(f.verdict))]
         if self.unjudged:
-            lines.append(f"  no range is held for {', '.join(self.unjudged)}")
+            lines.append(f"  no physical range is known for {', '.join(self.unjudged)}")
+        lines += [f"  {words}" for words in self.undecided]
         return "\n".join(lines)
 
 
@@ -152,7 +156,18 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
     findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
     kept = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
-    return Plausibility(fit.stage, kept, tuple(p for p in fitted if p not in findings))
+    open_ = tuple(_undecided(v) for v in fitted.values() if v.error > LOOSE * abs(v.value))
+    return Plausibility(fit.stage, kept, tuple(p for p in fitted if p not in findings), open_)
+
+
+LOOSE = 0.5
+"""Relative error from which a 95 % interval reaches zero, and no range can reject the value."""
+
+
+def _undecided(v: FittedValue) -> str:
+    """Return in words that a value has too wide an error to be judged."""
+    shown = f"{v.path} = {short(v.in_unit)} +- {short(v.error * v.in_unit / v.value if v.value else v.error)} {v.unit}"
+    return f"{shown}: not determined, its 95 % interval reaches zero. Fix it, give it a prior, or see td.next_test for a log that shows it."
 
 
 def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:

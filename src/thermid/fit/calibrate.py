@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -216,6 +217,8 @@ def tuned_by_hand(request: Request, hand: Store) -> Calibration:
     )
 
 
+DIFFER = 3.0
+"""Standard deviations from which two sensors of one node differ."""
 STRANGE = 300.0
 """Ratio of the power of a log and that of the deck from which one of them is in another unit."""
 FULL = 101.0
@@ -471,6 +474,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
         if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
             out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
     out += _strained(problem, found)
+    out += _differing(problem)
     out += _taken_as_instants(problem)
     freedom = round(problem.freedom)
     reduced = found.chi_square / max(freedom, 1)
@@ -515,6 +519,25 @@ def _taken_as_instants(problem: Problem) -> list[str]:
         f"samples of logged boundaries are taken as instants; as means over the intervals up to their stamps they would drive the model "
         f"otherwise by more than the noise: {shown}. Say samples = 'instant' or 'average' of their channels."
     ]
+
+
+def _differing(problem: Problem) -> list[str]:
+    """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy."""
+    out = []
+    for e in problem.experiments:
+        for a, b in combinations(e.observations, 2):
+            both, one, other = np.intersect1d(a.index, b.index, return_indices=True)
+            if a.seat != b.seat or a.lag or b.lag or not both.size:
+                continue
+            apart = float(np.mean(a.measured[one] - b.measured[other]))
+            error = float(np.hypot(a.sigma(problem.noise), b.sigma(problem.noise))) / both.size**0.5
+            allowed = float(np.linalg.norm([error, a.accuracy or 0.0, b.accuracy or 0.0]))
+            if abs(apart) > DIFFER * allowed:
+                out.append(
+                    f"'{a.sensor}' and '{b.sensor}' on '{a.seat}' differ by {short(abs(apart))} K in {e.record.name}; their noise and "
+                    f"accuracy allow {short(allowed)} K. Give each the accuracy that it has, or look for a gradient between them."
+                )
+    return out[:1]
 
 
 def _strained(problem: Problem, found: Fit) -> list[str]:

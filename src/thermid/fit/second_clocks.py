@@ -188,10 +188,8 @@ class Clocked:
         experiment = problem.experiments[0]
         tables = {name: dict(getattr(experiment.scenario, name)) for name in ("loads", "commands")}
         for name, path, table in self._sampled(problem):
-            moved = table.changed_within().times.copy()
-            if late is not None and path == late[0]:
-                moved[late[1]] += late[2]
-            tables[name][path] = replace(table, times=moved)
+            moved = table.changed_within()
+            tables[name][path] = moved.delayed(late[1], late[2]) if late is not None and path == late[0] else moved
         return replace(experiment, scenario=experiment.scenario.with_(**tables))
 
     def _sampled(self, problem: Problem) -> Iterator[tuple[str, str, TableSignal]]:

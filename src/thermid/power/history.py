@@ -16,8 +16,13 @@ from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.problem.unknowns import Influence, Unknown
-from thermid.linear_algebra import Array, Bools
+from thermid.fit.uncertainty.logged_inputs import answers_to_inputs
+from thermid.fit.uncertainty.noise import TraceNoise, covariance_of_means
+from thermid.fit.uncertainty.stretches import Binned, binned
+from thermid.linear_algebra import NOTHING, Array, Bools
+from thermid.linear_algebra import covariance as information_inverse
 from thermid.measure import Record
+from thermid.measure.amounts import duration_text, short
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, TableSignal, literal
 from thermid.model.parts.elements import HeatLoad
@@ -379,6 +384,8 @@ def _thermostat(h: PowerHistory) -> PowerLaw | None:
 
 PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120
+WIDER = 1.5
+"""Times the default spacing from which knots are wide."""
 WIDE = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
 ROUNDS = 12
@@ -414,7 +421,8 @@ def power_history(
     accuracy : str          Standard deviation of these powers: a text in W, or relative in %.
     free : sequence of str  Parameters fitted with the history; stretches of known power are what they are known by.
     priors : dict           Path -> (mean, standard deviation), as in `calibrate`.
-    every : str             Spacing of the knots; a 120th of the log, or its sampling where that is coarser, by default.
+    every : str             Spacing of the knots; a 120th of the log, or its sampling where that is coarser, by default. Where wider knots
+                            leave residuals that wander, those of the default take their place, with a warning.
     prior : str             ``walk`` (for powers that jump), ``integrated walk`` (for smooth ones), or ``auto``: the likelier.
 
     Raises
@@ -435,15 +443,45 @@ def power_history(
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
         raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
-    knots, pins = _knots(record, every, known, accuracy, where)
+    usual = _usual_step(record)
+    step = literal(every, "s", where) if every else usual
+    knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
     base = WIDE * max(abs(float(nominal)), 1.0)
-    asked, basis = _asked(model, record, path, scenario, free, priors, knots)
-    problem = build_problem(asked)
-    hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
-    problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
-    found = solved(problem, knots, pins, base, PRIORS[1:] if prior == "auto" else (prior,))
+    kinds = PRIORS[1:] if prior == "auto" else (prior,)
+
+    def on(knots: Array, pins: Pins) -> tuple[Request, Problem, Solved]:
+        asked, basis = _asked(model, record, path, scenario, free, priors, knots)
+        problem = build_problem(asked)
+        hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
+        problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
+        return asked, problem, solved(problem, knots, pins, base, kinds)
+
+    try:
+        asked, problem, found = on(knots, pins)
+    except np.linalg.LinAlgError:
+        raise _undetermined(free, where) from None
+    if found.remarks and step > WIDER * usual:
+        knots, pins = _knots(record, usual, known, accuracy, where)
+        asked, problem, found = on(knots, pins)
+        words = f"knots every {duration_text(step)} left residuals that wander, so that the history has knots every {duration_text(usual)}."
+        found = replace(found, remarks=(words, *found.remarks))
     return _history(asked, problem, path, knots, pins, found)
+
+
+def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
+    """Return the refusal of what readings, priors and known powers leave open."""
+    what = ", ".join(f"'{p}'" for p in free) or "the power"
+    return IdentificationError(
+        f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer stretch of known power, or "
+        "free less.",
+        where,
+    )
+
+
+def _usual_step(record: Record) -> float:
+    """Return the default spacing of the knots. [s]"""
+    return max(float(record.times[-1] - record.times[0]) / KNOTS, float(np.median(np.diff(record.times))))
 
 
 def _plain(model: Model, load: str) -> tuple[str, Model]:
@@ -458,10 +496,9 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
     return path, with_load(model, path, plain)
 
 
-def _knots(record: Record, every: str, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:
+def _knots(record: Record, step: float, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:
     """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
     end = float(record.times[-1] - record.times[0])
-    step = literal(every, "s", where) if every else max(end / KNOTS, float(np.median(np.diff(record.times))))
     if not 0 < step <= end / 4:
         raise IdentificationError(f"knots every {step:g} s do not fit into a log of {end:g} s; give four intervals or more.", where)
     stretches = [(literal(a, "s", where), literal(b, "s", where), literal(p, "W", where)) for a, b, p in known]
@@ -525,6 +562,7 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
     }
     flat = compile_network(asked.model).flat
     node = next(found.node for found in flat.loads if found.path == path)
+    problem = replace(problem, noise=dict(found.noise))
     blocks = tuple(problem.blocks(found.x))
     texts = {
         u.name: f"{u.to_value(float(x))!r} [{u.unit}]"
@@ -540,10 +578,24 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
     run = simulate(bare, scenario, times=knots)
     known = np.zeros(count, dtype=bool)
     known[pins.at] = True
-    notes = () if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
+    unsettled = () if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
+    notes = (*unsettled, *_at_bounds(problem, found.x), *found.remarks)
     return PowerHistory(
         path, node, knots, power, covariance, run[node].kelvin, known, width, found.prior, values, blocks, bare, scenario, notes
     )
+
+
+def _at_bounds(problem: Problem, x: Array) -> tuple[str, ...]:
+    """Return remarks on parameters that ended at a bound."""
+    out = []
+    for u, fitted in zip(problem.unknowns, x.tolist(), strict=True):
+        ends = [b for b in u.fitted_bounds() if np.isfinite(b)]
+        if u.kind == "parameter" and any(abs(fitted - b) <= 1e-6 * max(abs(b), u.scale) for b in ends):
+            out.append(
+                f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}; its error and the band are not meaningful. Fix it or "
+                "give it a prior."
+            )
+    return tuple(out)
 
 
 def _shown(unknown: Unknown, fitted: float) -> float:
@@ -579,43 +631,161 @@ class Pins:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """The end: values of all unknowns, their covariance, what the data see of them, and the prior that was taken."""
+    """The end: values of all unknowns, their covariance, what the data see of them, the prior that was taken, and what to say of noise."""
 
     x: Array
     covariance: Array
     seen: Array
     prior: str
     converged: bool
+    strength: float = 0.0
+    remarks: tuple[str, ...] = ()
+    noise: Mapping[str, float] = field(default_factory=dict)
+
+
+FINE = 200
+"""Stretches of time at most in which readings with noise that is not white are weighed."""
+COLOURS, SIZES = 4, (0.1, 0.5, 2.0, 10.0, 50.0, 300.0, 2000.0)
+"""Correlation times, and variances of autocorrelated noise in squares of the white noise, that are tried."""
+FELT = 0.05
+"""Part of the variance of a mean of readings from which noise of logged inputs counts."""
+SURE = 5.0
+"""Twice the logarithm of the likelihood ratio from which residuals are held to wander."""
+
+
+@dataclass(frozen=True, eq=False)
+class Colour:
+    """Noise that is not white, as the inverse root of the covariance of the means over stretches."""
+
+    inverse: Array
+    logdet: float
+
+    @classmethod
+    def of(cls, pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]) -> Colour:
+        """Return it of traces in stretches of time."""
+        root = np.linalg.cholesky(covariance_of_means(pieces, traces, inputs))
+        return cls(np.linalg.inv(root), 2.0 * float(np.log(np.diag(root)).sum()))
+
+    def rows(self, problem: Problem, x: Array) -> tuple[Array, Array]:
+        """Return derivatives and residuals of the data at some values, weighed so that their noise is white and of size 1."""
+        pieces = binned(problem, x, bins=FINE).values()
+        slopes, means = np.concatenate([b.slopes for b in pieces]), np.concatenate([b.mean for b in pieces])
+        return self.inverse @ slopes, self.inverse @ means
+
+
+def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:
+    """Return derivatives and residuals of the data at some values."""
+    if colour is not None:
+        return colour.rows(problem, x)
+    found = problem.compressed(x)
+    return found.slopes, found.rows
 
 
 def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequence[str]) -> Solved:
-    """Return the unknowns of a problem whose last are the powers at the knots."""
-    count = knots.size
-    x = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    """Return the unknowns of a problem whose last are the powers at the knots, by the noise that its readings show.
+
+    Readings without a stated noise have that of what the history leaves. Then the noise is looked for that is likeliest together with the
+    prior's strength: autocorrelated or not, beside rounding to steps and noise of logged inputs, which are known.
+
+    Raises
+    ------
+    IdentificationError   When the readings say nothing of an unknown.
+    """
+    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    found = _in_rounds(problem, start, knots, pins, base, priors, None)
+    if not all(o.noise is not None for o in problem.observations()):
+        problem = replace(problem, noise=_left(problem, found))
+    pieces = binned(problem, found.x, bins=FINE)
+    inputs = answers_to_inputs(problem, found.x, pieces)
+    best, remarks = _colour(problem, found, knots, pins, base, pieces, inputs)
+    if best is None:
+        return replace(found, noise=problem.noise)
+    again = _in_rounds(problem, found.x, knots, pins, base, priors, best)
+    return replace(again, remarks=remarks, noise=problem.noise)
+
+
+def _left(problem: Problem, found: Solved) -> dict[str, float]:
+    """Return sensor -> noise: as stated, or the scatter of its residuals, what the history took of their freedom given back. [K]"""
+    worth = float(np.trace(found.covariance @ found.seen))
+    grown = np.sqrt(problem.samples / max(problem.samples - worth, 1.0))
+    sizes: dict[str, list[Array]] = {}
+    for b in problem.blocks(found.x):
+        sizes.setdefault(b.sensor, []).append(b.residuals)
+    return {s: max(float(grown * np.sqrt(np.mean(np.concatenate(r) ** 2))), 1e-6) for s, r in sizes.items()}
+
+
+def _colour(
+    problem: Problem,
+    found: Solved,
+    knots: Array,
+    pins: Pins,
+    base: float,
+    pieces: Mapping[tuple[str, str], Binned],
+    inputs: Mapping[tuple[str, str], Array],
+) -> tuple[Colour | None, tuple[str, ...]]:
+    """Return the likeliest noise about a history, and remarks on it; None where it is white."""
+    spans = [b.times for b in pieces.values()]
+    spacing, span = float(np.median(np.diff(spans[0]))), max(float(t[-1] - t[0]) for t in spans)
+
+    def made(time: float, size: float) -> Colour:
+        return Colour.of(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
+
+    def likely(colour: Colour) -> float:
+        sides, force = _sides(problem, found.x, pins, *colour.rows(problem, found.x)), np.zeros(found.x.size)
+        near = found.strength + np.arange(-6.0, 7.0, 1.5)
+        return _likeliest(sides, force, knots, pins, base, found.prior, near)[0] - 0.5 * colour.logdet
+
+    plain = made(spacing, 0.0)
+    tried = {(0.0, 0.0): likely(plain)}
+    for time in np.geomspace(2.0 * spacing, 0.25 * span, COLOURS).tolist():
+        for size in SIZES:
+            tried[time, size] = likely(made(time, size))
+    (time, size), value = max(tried.items(), key=lambda item: item[1])
+    # of the sum over a trace, how much more noise of inputs adds than the readings have by themselves
+    shares = [float(np.sum((pieces[key].count @ h) ** 2) / pieces[key].count.sum()) for key, h in inputs.items()]
+    known = any(b.shares_rounding for b in pieces.values()) or max(shares, default=0.0) > FELT
+    if 2.0 * (value - tried[0.0, 0.0]) <= SURE:
+        return (plain if known else None), ()
+    finer = {(time, size * f): likely(made(time, size * f)) for f in (0.4, 0.63, 1.0, 1.6, 2.5)}
+    time, size = max(finer, key=lambda key: finer[key])
+    noise = max(o.sigma(problem.noise) for o in problem.observations())
+    words = (
+        f"the readings wander about the history by {short(np.sqrt(size) * noise)} K over {duration_text(time)}: noise that is not white, "
+        "knots too far apart for the power, or something that the model misses. The band counts it as noise."
+    )
+    return made(time, size), (words,)
+
+
+def _sides(problem: Problem, x: Array, pins: Pins, slopes: Array, rows: Array) -> list[tuple[Array, Array]]:
+    """Return |A z - g|^2, linearised: of the data, of the priors of all other unknowns, and of the stretches of known power."""
+    own, prior = problem.prior_rows(x)
+    pinned = np.zeros((pins.at.size, x.size))
+    pinned[np.arange(pins.at.size), x.size - pins.sections[-1] + pins.at] = 1.0 / pins.sd
+    return [(slopes, slopes @ x - rows), (prior, prior @ x - own), (pinned, pins.power / pins.sd)]
+
+
+def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float, priors: Sequence[str], colour: Colour | None) -> Solved:
+    """Return the unknowns by Gauss and Newton's method, the prior's strength by the largest marginal likelihood in every round."""
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
-    size, first = x.size, x.size - count
-    pinned = np.zeros((pins.at.size, size))
-    pinned[np.arange(pins.at.size), first + pins.at] = 1.0 / pins.sd
-    stated = all(o.noise is not None for o in problem.observations())
+    levelled = colour is None and any(o.noise is None for o in problem.observations())
     theta = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"]
-    force = np.zeros(size)
+    force = np.zeros(x.size)
     for _ in range(ROUNDS):
-        found = problem.compressed(x)
-        rows, slopes = problem.prior_rows(x)
-        # linearised: |A z - g|^2 of the data, of the priors of all other unknowns, and of the stretches of known power
-        sides = [(found.slopes, found.slopes @ x - found.rows), (slopes, slopes @ x - rows), (pinned, pins.power / pins.sd)]
+        slopes, rows = _rows(problem, x, colour)
+        sides = _sides(problem, x, pins, slopes, rows)
         level = 1.0
-        for _ in range(1 if stated else 4):
+        for _ in range(4 if levelled else 1):
             scaled = [(a / np.sqrt(level), g / np.sqrt(level)) if k == 0 else (a, g) for k, (a, g) in enumerate(sides)]
+            _told(problem, scaled, knots.size)
             best = max((_likeliest(scaled, force, knots, pins, base, p) for p in priors), key=lambda f: f[0])
-            _, taken, z, h = best
-            if not stated:
+            _, taken, z, h, strength = best
+            if levelled:
                 left = sides[0][0] @ z - sides[0][1]
                 data = scaled[0][0].T @ scaled[0][0]
                 worth = float(np.trace(np.linalg.solve(h, data)))
                 level = float(left @ left) / max(problem.samples - worth, 1.0)
         z = np.clip(z, low, high)
-        force = _margin(problem, x, found.slopes / np.sqrt(level), h, theta, level)
+        force = _margin(problem, x, slopes / np.sqrt(level), h, theta, level, colour)
         step, x = z - x, z
         sd = np.sqrt(np.diag(np.linalg.inv(h)))
         if (np.abs(step) < 0.01 * sd + 1e-9 * np.abs(x)).all():
@@ -623,10 +793,26 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
             break
     else:
         converged = False
-    return Solved(x, np.asarray(np.linalg.inv(h)), np.asarray(scaled[0][0].T @ scaled[0][0]), taken, converged)
+    seen = np.asarray(scaled[0][0].T @ scaled[0][0])
+    return Solved(x, np.asarray(np.linalg.inv(h)), seen, taken, converged, strength)
 
 
-def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence[int], level: float) -> Array:
+def _told(problem: Problem, sides: Sequence[tuple[Array, Array]], count: int) -> None:
+    """Refuse unknowns beside the history of which readings, priors and known powers say nothing."""
+    rows = np.concatenate([a for a, _ in sides])[:, :-count]
+    if not rows.shape[1]:
+        return
+    blind = np.flatnonzero(~np.isfinite(np.diag(information_inverse(rows, NOTHING))))
+    if blind.size:
+        names = ", ".join(f"'{problem.unknowns[k].name}'" for k in blind.tolist())
+        raise IdentificationError(
+            f"the readings say nothing of {names} beside the power. Give a prior (priors = {{...}}), a stretch of known power, or do not "
+            "free it.",
+            problem.experiments[0].record.name,
+        )
+
+
+def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence[int], level: float, colour: Colour | None) -> Array:
     """Return what the logarithm of the margin over the history adds to the derivatives (unknowns,) of the parameters.
 
     The mode of history and parameters together is not that of the parameters alone: a smaller capacitance makes a smoother history, which
@@ -635,20 +821,23 @@ def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence
     """
     out = np.zeros(x.size)
     others = np.setdiff1d(np.arange(x.size), theta)
-    inverse = np.linalg.inv(h[np.ix_(others, others)])
+    inverse = np.linalg.pinv(h[np.ix_(others, others)], hermitian=True)
     here = slopes[:, others].T @ slopes[:, others]
     for k in theta:
         moved = x.copy()
         moved[k] += 1e-3 * problem.unknowns[k].scale
-        there = problem.compressed(moved).slopes[:, others]
+        there = _rows(problem, moved, colour)[0][:, others]
         out[k] = -0.5 * float(np.sum(inverse * (there.T @ there / level - here))) / (moved[k] - x[k])
     return out
 
 
 def _likeliest(
-    sides: Sequence[tuple[Array, Array]], force: Array, knots: Array, pins: Pins, base: float, prior: str
-) -> tuple[float, str, Array, Array]:
-    """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, and their information."""
+    sides: Sequence[tuple[Array, Array]], force: Array, knots: Array, pins: Pins, base: float, prior: str, strengths: Array | None = None
+) -> tuple[float, str, Array, Array, float]:
+    """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, their information, and it.
+
+    `strengths` are those that are tried, as powers of ten; by default a wide grid, and then a fine one.
+    """
     size, count = sides[0][0].shape[1], knots.size
     first = size - count
     data = sum((a.T @ a for a, _ in sides), np.zeros((size, size)))
@@ -666,12 +855,11 @@ def _likeliest(
         logs = np.linalg.slogdet(smooth)[1] - np.linalg.slogdet(h)[1] - (square - float(right @ z))
         return 0.5 * float(logs), np.asarray(z), np.asarray(h)
 
-    grid = np.arange(-8.0, 8.01, 0.5)
-    found = [(at(s)[0], s) for s in grid]
-    _, middle = max(found)
-    _, strength = max((at(s)[0], s) for s in middle + np.arange(-0.5, 0.51, 0.05))
+    _, strength = max((at(s)[0], s) for s in (np.arange(-8.0, 8.01, 0.5) if strengths is None else strengths).tolist())
+    if strengths is None:
+        _, strength = max((at(s)[0], s) for s in (strength + np.arange(-0.5, 0.51, 0.05)).tolist())
     value, z, h = at(strength)
-    return value, prior, z, np.asarray(h)
+    return value, prior, z, np.asarray(h), strength
 
 
 def _roughness(knots: Array, pins: Pins, order: int) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,3 +71,27 @@ class TestBalance:
     def test_a_case_that_is_not_settled(self) -> None:
         with pytest.raises(RecordError, match=r"it drifts by"):
             td.energy_balance(box(), bench(), "1 [h]", "2 [h]")
+
+
+class TestNoise:
+    def test_the_errors_of_a_mean_power_and_a_mean_ambient_reach_the_fit(self) -> None:
+        """A noisy meter and a noisy room: their means are not exact, whatever the readings on the box."""
+        rng, data = np.random.default_rng(7), bench()
+        still = data.with_channels(replace(data["T"], accuracy=None), replace(data["METER"], accuracy=None, prompt=True))
+        watts = replace(still["METER"], values=still["METER"].values + 0.5 * rng.standard_normal(361))
+        noisy = still.with_channels(watts)
+        quiet, loud = (r.steady("5 [h]", "end", tau=5400.0) for r in (still, noisy))
+        fits = [td.calibrate(box(), p.record, [HTC], scenario=td.Scenario("s", start="steady")) for p in (quiet, loud)]
+        plain, more = (f[HTC].error / f[HTC].value for f in fits)
+        assert more == pytest.approx(np.hypot(plain, loud["METER"].error / 4.0), rel=0.1)
+        assert more > 2.0 * plain
+        assert any("error of the mean of heat" in v.name for v in fits[1].local)
+
+    def test_a_balance_counts_the_errors_of_a_fit(self) -> None:
+        data = bench(hours=10)
+        fit = td.calibrate(box(), bench(seed=2, hours=2.0), [HTC, MASS])
+        alone = td.energy_balance(fit.fitted_model, data, "9 [h]", "end")
+        found = td.energy_balance(fit, data, "9 [h]", "end")
+        assert found.total == pytest.approx(alone.total, abs=1e-6)
+        rise = data.steady("9 [h]", "end")["T"].value - data.steady("9 [h]", "end")["ROOM"].value
+        assert found.error == pytest.approx(np.hypot(alone.error, 0.05 * rise * fit[HTC].error), rel=0.05)

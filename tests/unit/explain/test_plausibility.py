@@ -118,7 +118,7 @@ class TestMassesAndLosses:
     def test_what_has_no_range_is_said(self) -> None:
         found = td.plausibility(fitted({}, [AREA]))
         assert found.unjudged == (AREA,)
-        assert f"no range is held for {AREA}" in str(found)
+        assert f"no physical range is known for {AREA}" in str(found)
         with pytest.raises(NameNotFoundError, match=r"nothing is held against"):
             found[AREA]
 

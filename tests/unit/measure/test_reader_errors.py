@@ -157,14 +157,14 @@ def test_arguments(log, arguments, message):
             "bench.csv, channels.T1: a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.",
         ),
         (
-            {"T1": {"node": "a"}, "T2": {"node": "a"}},
-            "record 'bench': channels 'T1' and 'T2' are both bound to node 'a'. "
-            "Bind one of them, or give the model a node for each sensor.",
+            {"T1": {"boundary": "a"}, "T2": {"boundary": "a"}},
+            "record 'bench': channels 'T1' and 'T2' are both bound to boundary 'a'. "
+            "Bind one of them; several sensors of one node have the role 'node'.",
         ),
         (
             {"T1": {"load": "a", "unit": "W"}, "T2": {"command": "a"}},
             "record 'bench': channels 'T1' and 'T2' are both bound to load 'a'. "
-            "Bind one of them, or give the model a node for each sensor.",
+            "Bind one of them; several sensors of one node have the role 'node'.",
         ),
     ],
 )

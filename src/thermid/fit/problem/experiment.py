@@ -666,7 +666,7 @@ def bind(
     observations = tuple(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
-    first = {o.seat: first_reading(record, o.sensor, window) for o in observations}
+    first = _first_readings(record, observations, window)
     start, initial, readings, loose = starts_of(record, base, network, first, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
@@ -687,6 +687,14 @@ def bind(
     if hidden:
         made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
     return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
+
+
+def _first_readings(record: Record, observations: Sequence[Observation], window: float) -> dict[str, float]:
+    """Return observed node -> its first reading, the mean of those of its sensors. [K]"""
+    several: dict[str, list[float]] = {}
+    for o in observations:
+        several.setdefault(o.seat, []).append(first_reading(record, o.sensor, window))
+    return {seat: float(np.mean(readings)) for seat, readings in several.items()}
 
 
 def _hidden_starts(

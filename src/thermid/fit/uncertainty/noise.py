@@ -169,6 +169,32 @@ def score_excess(
     return out + score_of_inputs(pieces, inputs)
 
 
+def covariance_of_means(
+    pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]
+) -> Array:
+    """Return the covariance (stretches, stretches) of the means of several traces, one after the other, in squares of their noise.
+
+    The same noise as in `score_excess`, for who weighs readings by it: white and autocorrelated parts, rounding that neighbours share, and
+    what noise of logged signals does to all sensors of a record at once.
+    """
+    size = sum(b.count.size for b in pieces.values())
+    out, begin = np.zeros((size, size)), 0
+    causes: dict[str, Array] = {}
+    for t in traces:
+        b, here = pieces[t.record, t.sensor], slice(begin, begin + pieces[t.record, t.sensor].count.size)
+        begin = here.stop
+        white = t.white_variance or 1.0
+        own = np.diag((white - min(b.rounded, 0.95 * white) * b.shares_rounding) / b.count)
+        own += t.correlated_variance * correlation(b.times, t.correlation_time)
+        if b.shares_rounding:
+            means = b.rounding / b.count[:, None]
+            own += means @ means.T
+        out[here, here] = own
+        if (h := inputs.get((t.record, t.sensor))) is not None:
+            causes.setdefault(t.record, np.zeros((size, h.shape[1])))[here] = h
+    return sum((h @ h.T for h in causes.values()), out)
+
+
 def _not_below_zero(matrix: Array) -> Array:
     """Return a symmetric matrix without its negative directions."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))

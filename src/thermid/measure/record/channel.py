@@ -344,14 +344,14 @@ class Samples:
                 raise RecordError(f"channel '{channel.name}' stands under the name '{key}'. Use one name.", where)
             if channel.values.size != times.size:
                 raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where)
-            if channel.target is not None:
-                # one node may be measured and prescribed for, but not measured twice under one role
+            if channel.target is not None and channel.role != "node":
+                # one node may have several sensors, and be prescribed for beside them; what drives a run has one channel
                 kind = "load" if channel.role == "command" else channel.role
                 other = taken.setdefault((kind, channel.target), key)
                 if other != key:
                     raise RecordError(
                         f"channels '{other}' and '{key}' are both bound to {kind} '{channel.target}'. "
-                        "Bind one of them, or give the model a node for each sensor.",
+                        "Bind one of them; several sensors of one node have the role 'node'.",
                         where,
                     )
         object.__setattr__(self, "times", times)

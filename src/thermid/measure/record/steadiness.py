@@ -26,6 +26,8 @@ SHORTEST: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
 FEWEST: Final = 8
 """Readings below which a stretch has no rate and no mean with an error."""
+CORRELATED: Final = 0.5
+"""Share of the readings that they must be worth as independent ones to count as white."""
 SURE: Final = 2.0
 """Standard errors that count as beyond doubt."""
 SETTLED: Final = "1 [K/h]"
@@ -205,6 +207,42 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what
     # steps of a sensor that noise does not blur hide a change of up to one step between both ends of the window
     hidden = step / 6.0**0.5 / float(np.ptp(t)) if scatter < 0.5 * step else 0.0
     return _Line(rate, float(np.hypot(error / float(np.std(t)), hidden)), float(y.mean() + rate * (at - t.mean())), error, scatter, worth)
+
+
+MEANS, TIMES, RATIOS = 60, 8, 10
+"""Means of readings, correlation times and variances over that of white noise by which the noise of a stretch is looked for."""
+
+
+def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
+    """Return a line with errors averaged over what its autocorrelated noise may be.
+
+    A stretch of a few correlation times does not know its own autocorrelation: each of a grid of noise models, white noise plus exponential
+    correlations, counts as likely as it is (restricted likelihood of Patterson and Thompson, Biometrika 58 (1971) 545).
+    """
+    edges = np.linspace(t[0], t[-1], min(MEANS, t.size) + 1)
+    place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
+    count = np.bincount(place)
+    full = count > 0
+    centre, mean = (np.bincount(place, v)[full] / count[full] for v in (t, y))
+    x = np.column_stack([np.ones(centre.size), centre - at])
+    taken = np.linalg.solve(x.T @ (count[full, None] * x), (count[full, None] * x).T)
+    free, span = centre.size - 2, float(t[-1] - t[0])
+    likely, errors = list[float](), list[FloatArray]()
+    for time in np.geomspace(span / centre.size, 0.25 * span, TIMES):
+        like = np.exp(-np.abs(centre[:, None] - centre) / time)
+        for ratio in (0.0, *np.geomspace(0.05, 1e3, RATIOS)) if not likely else np.geomspace(0.05, 1e3, RATIOS):
+            noise = np.diag(1.0 / count[full]) + ratio * like
+            inverse = np.linalg.inv(noise)
+            inner = x.T @ inverse @ x
+            left = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
+            square = float(left @ inverse @ left)
+            likely.append(-0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(square)))
+            # Student's distribution is wider than the normal one
+            errors.append(np.diag(taken @ noise @ taken.T) * square / max(free - 2.0, 1.0))
+    weight = np.exp(np.array(likely) - max(likely))
+    # of logarithms, so that an unlikely time of hours does not decide
+    level, rate = np.exp(0.5 * (weight @ np.log(errors)) / weight.sum())
+    return line._replace(error=max(float(level), line.error), rate_error=max(float(rate), line.rate_error))
 
 
 @dataclass(frozen=True)
@@ -465,6 +503,8 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     thermal = channel.quantity == "temperature"
     step = step_of(channel) if thermal else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, place, "mean")
+    if line.worth < CORRELATED * y.size and line.scatter > 0.5 * step and line.scatter > 0.0:
+        line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
     if thermal and abs(line.rate) - SURE * line.rate_error > most:
         raise RecordError(
             f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h that count as "

@@ -1,0 +1,33 @@
+"""Times at which a run is stored: intervals that divide the duration but for rounding, and those that do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.simulator import output_times
+
+
+@pytest.mark.parametrize(
+    ("duration", "step"), [(0.3, 0.1), (10800.0, 10800.0 / 7), (3.0 * 1.1, 1.1), (7200.0, 7200.0 / 49), (1e6, 1e6 / 997)]
+)
+def test_an_interval_that_divides_the_duration_ends_with_it(duration: float, step: float) -> None:
+    times = output_times(Scenario("s", duration=duration), step, None)
+    assert times[-1] == duration
+    assert (np.diff(times) > 0.5 * step).all()
+    assert output_times(Scenario("s", duration=duration), None, times) is not None
+
+
+@pytest.mark.parametrize("ulps", [-3, -2, -1, 0, 1, 2, 3])
+def test_neighbours_of_a_duration_in_floating_point(ulps: int) -> None:
+    end = 5400.0
+    for _ in range(abs(ulps)):
+        end = float(np.nextafter(end, np.inf if ulps > 0 else 0.0))
+    times = output_times(Scenario("s", duration=end), 0.9, None)
+    assert (times.size, times[-1]) == (6001, end)
+
+
+def test_the_end_is_kept_beside_an_interval_that_does_not_divide_it() -> None:
+    assert output_times(Scenario("s", duration=10.0), 4.0, None).tolist() == [0.0, 4.0, 8.0, 10.0]
+    assert output_times(Scenario("s", duration=10.0), 40.0, None).tolist() == [0.0, 10.0]
