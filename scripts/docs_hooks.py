@@ -62,6 +62,7 @@ ROOMS = {
 
 PICTURES = {
     "pictures/stack.svg": ("", "diagram", "examples/02_stack/m_PrE.toml"),
+    "pictures/cabinet.svg": ("docs/streams.md", "diagram", "cabinet.toml"),
     "pictures/box.svg": ("docs/tutorial.md", "diagram", "box.toml"),
     "pictures/map.svg": ("", "diagram", "examples/box/box.toml", "--map"),
     "pictures/board.svg": ("docs/elements.md", "diagram", "board.toml"),

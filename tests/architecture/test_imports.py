@@ -81,6 +81,7 @@ ARROWS |= {
     "profiles": LOW | {"sourced"},
     "profile_runs": LOW | {"profiles"},
     "steadiness": LOW | {"profile_runs"},
+    "watch": LOW | FIT | {"estimation", "steadiness"},
     "reduction": LOW,
     "fit.problem": LOW,
     "fit.minimisation": LOW | {"fit.problem"},
@@ -194,7 +195,7 @@ def allowed_rooms(package: str) -> set[str]:
 
 
 SAYING = MEASURE - {"measure.amounts"} | FIT | ABOVE_FIT | TESTED | REPORTING | {"campaign", "qualify"} | MODEL | SIMULATION | OPTIONAL
-SAYING |= {"network", "knowledge"}
+SAYING |= {"network", "knowledge", "watch"}
 
 
 @pytest.mark.parametrize("package", sorted(SAYING - {"model", "simulation"}))

@@ -146,6 +146,7 @@ def by_heading() -> dict[str, Names]:
         "Submodel": _model(schema.SubmodelTable),
         "Package": _model(assemblies.PackageTable, assemblies.PACKAGE_UNITS | {"power": "W"}),
         "Ladder": _model(assemblies.LadderTable, {"power": "W"}),
+        "Fan": _model(assemblies.FanTable, assemblies.FAN_UNITS),
         "Thermoelectric cooler": _model(assemblies.CoolerTable, assemblies.COOLER_UNITS | {"T_hot": TEMPERATURE}),
         "Table of elements": _model(schema.RowsTable),
         "Air and walls apart": _model(fields.AirAndSees),

@@ -36,6 +36,9 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "effective": {"between": ["b", "air"], "effective_htc": "5 [W/(m^2 K)]", "area": "1 [cm^2]"},
     "radiation": {"between": ["a", "walls"], "emissivity": 0.1, "area": "5 [cm^2]"},
     "flow": {"between": ["air", "b"], "mass_flow": "0.01 [g/s]", "specific_heat": "1006 [J/(kg K)]"},
+    "duct": {"between": ["b", "air"], "diameter": "4 [mm]", "length": "20 [cm]", "mass_flow": "0.1 [g/s]"},
+    "heat_sink": {"between": ["b", "air"], "width": "2 [mm]", "height": "15 [mm]", "length": "6 [cm]", "count": 12}
+    | {"fin_thickness": "1 [mm]", "fin_conductivity": "180 [W/(m K)]", "volume_flow": "100 [l/min]"},
     "lead": {"between": ["a", "walls"], "conductivity": "390 [W/(m K)]", "diameter": "1 [mm]", "length": "40 [cm]"}
     | {"htc": "5 [W/(m^2 K)]", "to": "air"},
     "heat_pipe": {"between": ["a", "b"], "on_conductance": "5 [W/K]", "off_conductance": "0.1 [W/K]"}

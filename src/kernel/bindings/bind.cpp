@@ -191,7 +191,8 @@ nb::object rows_of(const Problem& p, Reals coef, In<double, 2> T, Reals t, bool 
         std::copy(T.data() + i * p.nodes(), T.data() + (i + 1) * p.nodes(), e.t.begin());
         follow(e, i == 0);
         if (on)
-            for (int r = 0; r < p.switches(); ++r) e.on[r] = static_cast<uint8_t>((*on)(i, r));
+            for (int r = 0; r < p.switches(); ++r)
+                if ((*on)(i, r) >= 0) e.on[r] = static_cast<uint8_t>((*on)(i, r));
         e.rows();
         for (size_t r = 0; r < k; ++r) out[i * k + (loads ? r : p.con.original[r])] = loads ? e.power[r] : e.q[r];
     }

@@ -99,6 +99,10 @@ COMMANDS = {
         "logs.settle",
         "Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide.",
     ),
+    "watch": Place(
+        "watch.watch",
+        "Watch a running test: when to stop, what nobody measures, what went wrong. Exit code 0 at a stop, 1 with an alarm, 4 if declined.",
+    ),
     "plan": Place("qualify.plan", "Say what a plan predicts of each test, and whether it stands as it was locked."),
     "qualify": Place(
         "qualify.qualify",

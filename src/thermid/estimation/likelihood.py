@@ -32,11 +32,11 @@ TRIVIAL: Final = 1e-4
 """The same that may be left where no step gains any more: a hundredth of a standard error."""
 MOST: Final = 80
 CURVED: Final = 0.1
-"""Transition of differences of the gradient, in standard errors."""
+"""NoisyStep of differences of the gradient, in standard errors."""
 READING: Final = "reading noise of "
 
 
-class Score(NamedTuple):
+class LikelihoodScore(NamedTuple):
     """Minus the log-likelihood, its gradient (unknowns,), and the expected information (unknowns, unknowns)."""
 
     loss: float
@@ -144,11 +144,11 @@ class Likelihood:
             out = _loss(errors, variances) + np.array([0.5 * float(np.sum(self.priors(m)[0] ** 2)) for m in members])
         return np.where(np.isfinite(out), out, np.inf)
 
-    def score(self, fitted: Array) -> Score:
+    def score(self, fitted: Array) -> LikelihoodScore:
         """Return the loss with its gradient and the expected information."""
         return self.scores([fitted])[0]
 
-    def scores(self, points: Sequence[Array]) -> list[Score]:
+    def scores(self, points: Sequence[Array]) -> list[LikelihoodScore]:
         """Return the loss with its gradient and the expected information at several values of the unknowns, from one pass of the logs."""
         steps = DIFFERENCE * np.array([u.scale for u in self.unknowns])
         count, shifts = len(self.unknowns), np.diag(steps)
@@ -165,7 +165,7 @@ class Likelihood:
             information = (de / s).T @ de + 0.5 * (ds / s).T @ (ds / s)
             rows, slopes = self.priors(fitted)
             loss = float(_loss(e, s)[0]) + 0.5 * float(rows @ rows)
-            out.append(Score(loss, gradient + slopes.T @ rows, information + slopes.T @ slopes))
+            out.append(LikelihoodScore(loss, gradient + slopes.T @ rows, information + slopes.T @ slopes))
         return out
 
     def maximise(self, start: Array, *, observed: bool = True) -> Maximum:
@@ -192,7 +192,7 @@ class Likelihood:
         rows, _ = self.priors(fitted)
         return Maximum(fitted, 0.5 * float(rows @ rows) - score.loss, information, positive, left < TRIVIAL, count)
 
-    def _observed(self, fitted: Array, score: Score) -> tuple[Array, bool]:
+    def _observed(self, fitted: Array, score: LikelihoodScore) -> tuple[Array, bool]:
         """Return the observed information, by differences of the gradient, or the expected one where it is not positive; and which."""
         errors = Maximum(fitted, 0.0, score.information, False, True, 0).errors()
         scale = np.array([u.scale for u in self.unknowns])
@@ -215,7 +215,7 @@ def _loss(errors: Array, variances: Array) -> Array:
     return np.asarray(0.5 * np.sum(errors**2 / variances + np.log(2.0 * np.pi * variances), axis=0))
 
 
-def _moves(score: Score, open_: Bools, scale: Array) -> list[Array]:
+def _moves(score: LikelihoodScore, open_: Bools, scale: Array) -> list[Array]:
     """Return steps of every damping (unknowns,), none longer than `LARGEST`."""
     at = np.flatnonzero(open_)
     inner, pull = score.information[np.ix_(at, at)], score.gradient[at]
@@ -229,7 +229,7 @@ def _moves(score: Score, open_: Bools, scale: Array) -> list[Array]:
     return out
 
 
-def _foreseen(score: Score, open_: Bools) -> float:
+def _foreseen(score: LikelihoodScore, open_: Bools) -> float:
     """Return the gain in the log-likelihood that a full step foresees."""
     at = np.flatnonzero(open_)
     inner = score.information[np.ix_(at, at)]

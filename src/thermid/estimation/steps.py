@@ -22,7 +22,7 @@ POINTS: Final = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Transition:
+class NoisyStep:
     """What one step does, of several members at once.
 
     Parameters
@@ -116,6 +116,6 @@ def noise_root(rates: Array, noise: Array, seconds: float) -> Array:
     return root
 
 
-def step(rates: Array, noise: Array, seconds: float) -> Transition:
+def step(rates: Array, noise: Array, seconds: float) -> NoisyStep:
     """Return what a step of some seconds does, of matrices A (members, n, n) [1/s] and noise inputs G (members, n, sources)."""
-    return Transition(*responses(rates, seconds), noise_root(rates, noise, seconds))
+    return NoisyStep(*responses(rates, seconds), noise_root(rates, noise, seconds))

@@ -27,6 +27,7 @@ from thermid.network.environment import GROUND, Environment
 from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.rows import ANCHOR, ConductorRow
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
 from thermid.physics.plates import THINNEST
@@ -59,6 +60,10 @@ def sampled(pressure: Signal, end: float) -> TableSignal:
     return TableSignal(np.concatenate(times), np.concatenate(values))
 
 
+VACUUM_LIMIT = 1e-2
+"""Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
+ROOM = 293.15
+"""Temperature of the density by which a volume flow through a duct is a mass. [K]"""
 LEVELS = 12
 """Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
 
@@ -256,6 +261,30 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
     return still, *moving
 
 
+def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
+    """Return the row of a stream in ducts, from the properties of its gas at 300 K; none without gas.
+
+    Raises
+    ------
+    ScenarioError   When the pressure of the gas changes in time.
+    """
+    base, fins, slope, diameter, length, flux, developed, by_volume = law.coefficients
+    if state.key:
+        raise ScenarioError(
+            f"the pressure of the gas in '{c.path}' changes; what a stream takes from a duct holds at a constant one.", c.where
+        )
+    if state.pressure <= VACUUM_LIMIT or value_of(flux) == 0.0:
+        return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
+    gas, at = state.gas, state.gas.at(ANCHOR)
+    if value_of(by_volume):
+        flux = flux * (state.pressure / (gas.constant * ROOM))
+    reynolds = flux * diameter / float(gas.mu(ANCHOR))
+    nusselt = duct_nusselt(reynolds, float(at.prandtl), diameter / length, developed)
+    htc = nusselt * float(gas.k(ANCHOR)) / diameter
+    area = base + (fins * fin_efficiency(slope * htc**0.5) if value_of(fins) else 0.0)
+    return ConductorRow(c.path, c.ends, Law("linear", (htc * area,)))
+
+
 def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:
     """Return the rows of a coefficient that was fitted on the ground, at another pressure or gravity.
 
@@ -276,8 +305,6 @@ def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[
     return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - state.natural))
 
 
-VACUUM_LIMIT = 1e-2
-"""Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 
@@ -466,8 +493,10 @@ class Media:
             return self._left(c, law, state)
         if law.medium == "fin":
             return self._fin(c, law, state)
-        if law.medium in ("rest", "correlation"):
+        if law.medium in ("rest", "correlation", "duct"):
             at = self._gas(c.gas, c.where)
+            if law.medium == "duct":
+                return (ducted(c, law, at),)
             if at.pressure == 0.0:
                 return row(Law("linear", (0.0 * law.coefficients[0],)))
             return gap(c, law, at) if law.medium == "rest" else correlated(c, law, at)

@@ -172,12 +172,14 @@ class Network:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
         with errors_at(c.where):
             laws = c.laws(fields)
-        if any(value_of(law.coefficients[0]) < 0 for law in laws):
+        if not c.reversible and any(value_of(law.coefficients[0]) < 0 for law in laws):
+            if c.kind == "flow":
+                raise DeckError(f"the flow of '{c.path}' is below zero. A stream that may turn says reversible = true.", c.where)
             raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
         if c.path in self.streams:
-            return (replace(self.streams.row(c, laws[0]), controls=c.controls),)
+            return _both_ways(c, replace(self.streams.row(c, laws[0]), controls=c.controls))
         with errors_at(c.where):
             laws = tuple(piece for law in laws for piece in law.pieces())
         emissivity = values[c.emissivity] if c.emissivity else None
@@ -189,9 +191,25 @@ class Network:
                     c.where,
                 )
         rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
-        if c.controls:
-            rows = tuple(replace(row, controls=c.controls) for row in rows)
+        if c.controls or c.reversible:
+            rows = tuple(each for row in rows for each in _both_ways(c, replace(row, controls=c.controls)))
         return (*rows, ConductorRow(c.path, c.ends, Law("linear", (TRACE,)))) if c.path in self.traced else rows
+
+
+def _both_ways(c: FlatConductor, row: ConductorRow) -> tuple[ConductorRow, ...]:
+    """Return a stream that may turn as two, the flow of one of which is zero; any other row as it is."""
+    if not c.reversible:
+        return (row,)
+    first: Number = row.law.coefficients[0]
+    ahead, back = (row.law.scaled(share) for share in _signs(first))
+    return replace(row, law=ahead), replace(row, ends=row.ends[::-1], law=back, turned=True)
+
+
+def _signs(number: Number) -> tuple[Number, Number]:
+    """Return by what a number is multiplied for its part above zero, and less for that below."""
+    value: Any = value_of(number)
+    above: Any = 1.0 * (value > 0.0)
+    return above, above - 1.0
 
 
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:

@@ -126,6 +126,7 @@ class ConductorRow:
     signal : str            Name of the input that the first coefficient is multiplied by; empty for none.
     second : str            The same for the second coefficient.
     controls : tuple        Controls whose shares the heat flow is multiplied by.
+    turned : bool           Whether it is a stream the other way round: its heat counts against the conductor's direction.
     """
 
     name: str
@@ -135,6 +136,7 @@ class ConductorRow:
     signal: str = ""
     second: str = ""
     controls: tuple[str, ...] = ()
+    turned: bool = False
 
     @property
     def form(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from thermid.dual import value_of
 from thermid.physics._number import Number
 
 SMOOTHING = 0.01
@@ -102,3 +103,90 @@ def effective_htc_error(
     """
     relative = math.hypot(power_error / power, area_error / area, rise_error / rise)
     return abs(power / (area * rise)) * relative
+
+
+LAMINAR, TURBULENT = 2300.0, 4000.0
+"""Reynolds numbers between which a duct's stream is blended from laminar to turbulent (Gnielinski 2013). [-]"""
+
+
+def rectangle_nusselt(aspect: Number) -> Number:
+    """Nusselt number of developed laminar flow in a rectangular duct, walls at one temperature [-].
+
+    Parameters
+    ----------
+    aspect : float or array     Shorter side over the longer one; 0 for parallel plates. [-]
+
+    References
+    ----------
+    Shah, London, Laminar Flow Forced Convection in Ducts, Academic Press 1978, Eq. 347, within 0.1 % of their table.
+
+    Examples
+    --------
+    >>> [round(rectangle_nusselt(a), 2) for a in (1.0, 0.5, 0.125, 0.0)]
+    [2.98, 3.39, 5.6, 7.54]
+    """
+    a = aspect
+    return 7.541 * (1.0 + a * (-2.610 + a * (4.970 + a * (-5.119 + a * (2.702 - 0.548 * a)))))
+
+
+def duct_nusselt(reynolds: Number, prandtl: Number, slenderness: Number, developed: Number = 3.66) -> Number:
+    """Mean Nusselt number of a stream in a duct with walls at one temperature [-].
+
+    Laminar with a thermal entrance up to Re = 2300, turbulent from 4000, between them a straight line in Re.
+
+    Parameters
+    ----------
+    reynolds : float        On the hydraulic diameter, up to 1e6. [-]
+    prandtl : float         0.5 to 500. [-]
+    slenderness : float     Hydraulic diameter over length, up to 1. [-]
+    developed : float       Laminar, far from the entrance: 3.66 of a circle, `rectangle_nusselt`. [-]
+
+    References
+    ----------
+    Gnielinski, VDI Heat Atlas, 2nd ed. 2010, section G1, Eqs. 1 to 5 (laminar); Gnielinski, Int. Chem. Eng. 16 (1976) 359, the two
+    simplified equations (turbulent, within 10 % of his full one); Gnielinski, Int. J. Heat Mass Transfer 63 (2013) 134 (between).
+
+    Examples
+    --------
+    Air in a long pipe, and in one 50 diameters long at Re = 1e4.
+
+    >>> round(duct_nusselt(1000.0, 0.7, 1e-6), 2), round(duct_nusselt(1e4, 0.7, 0.02), 1)
+    (3.67, 29.6)
+    """
+
+    def laminar(re: Number) -> Number:
+        entrance = 1.615 * (re * prandtl * slenderness) ** (1.0 / 3.0)
+        if value_of(entrance) <= 0.7:
+            return (developed**3 + 0.7**3) ** (1.0 / 3.0)
+        return (developed**3 + 0.7**3 + (entrance - 0.7) ** 3) ** (1.0 / 3.0)
+
+    def turbulent(re: Number) -> Number:
+        gas = 0.0214 * (re**0.8 - 100.0) if prandtl <= 1.5 else 0.012 * (re**0.87 - 280.0)
+        return gas * prandtl**0.4 * (1.0 + slenderness ** (2.0 / 3.0))
+
+    if value_of(reynolds) <= LAMINAR:
+        return laminar(reynolds)
+    if value_of(reynolds) >= TURBULENT:
+        return turbulent(reynolds)
+    share = (reynolds - LAMINAR) / (TURBULENT - LAMINAR)
+    return (1.0 - share) * laminar(LAMINAR) + share * turbulent(TURBULENT)
+
+
+def fin_efficiency(length_parameter: Number) -> Number:
+    """Efficiency of a straight fin with an insulated tip, tanh(m L) / (m L) [-].
+
+    Parameters
+    ----------
+    length_parameter : float    m L with m = sqrt(2 h / (k t)). [-]
+
+    References
+    ----------
+    Incropera, 6th ed., Eq. 3.89.
+
+    Examples
+    --------
+    >>> round(fin_efficiency(1.0), 4)
+    0.7616
+    """
+    decay = math.e ** (-2.0 * length_parameter)
+    return (1.0 - decay) / (1.0 + decay) / length_parameter

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError
@@ -19,7 +20,7 @@ from thermid.simulation.block import BlockSolution, steady_block
 from thermid.simulation.heat_map import HeatMap
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation.simulator import network_for
-from thermid.simulation.solver.engine import settle
+from thermid.simulation.solver.engine import at_rest
 from thermid.simulation.solver.problem import KernelProblem, Traces
 from thermid.simulation.solver.wiring import Assembled, Wiring
 from thermid.simulation.transient import simulate
@@ -107,10 +108,10 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
         return _over_a_period(model, asked, wiring.cycle)
     problem = KernelProblem(wiring.stilled() if kind else wiring)
     a = wiring.assemble()
-    found, _ = settle(problem, a, instant)
+    found, _, on = at_rest(problem, a, instant)
     traces = Traces(problem.wiring, a, np.array([instant]), problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
-    heat = _heat(problem, a, found, temperatures, instant)
+    heat = _heat(problem, a, found, on, temperatures, instant)
     if kind:
         span = f"a period of {wiring.cycle:g} s" if wiring.cycle else f"{asked.seconds:g} s"
         bent = f"the means over {span} of {', '.join(wiring.changing)} are held; where laws bend, that is not the mean of the temperatures"
@@ -119,13 +120,18 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else (), heat=heat)
 
 
-def _heat(problem: KernelProblem, a: Assembled, state: Array, temperatures: Mapping[str, float], instant: float) -> HeatMap:
+def _heat(
+    problem: KernelProblem, a: Assembled, state: Array, on: NDArray[np.int32], temperatures: Mapping[str, float], instant: float
+) -> HeatMap:
     """Return where the heat goes at temperatures [K] with the inputs of one instant [s]."""
     wiring, times = problem.wiring, np.array([instant])
-    flows = wiring.conductor_flows(a.numbers, {n: np.array([t]) for n, t in temperatures.items()}, times)
+    known = {n: np.array([t]) for n, t in temperatures.items()}
+    every = {**known, **{n: state[[problem.nodes.index(n)]] for n in a.reduced.controllers}}
+    modes = dict(zip(problem.control_names, on[:, None].astype(float), strict=True))
+    flows = wiring.conductor_flows(a.numbers, known, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
     # a store has a state of its own, its enthalpy, beside the temperatures
     columns = [*state.tolist(), *(temperatures[n] for n in wiring.network.boundaries)]
-    powers = problem.powers(a, np.array([columns]), times)
+    powers = problem.powers(a, np.array([columns]), times, on[None, :] if (on >= 0).any() else None)
     return HeatMap.of(wiring.network, temperatures, {n: float(w[0]) for n, w in flows.items()}, {n: float(w[0]) for n, w in powers.items()})
 
 

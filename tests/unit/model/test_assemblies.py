@@ -249,6 +249,28 @@ def test_the_electrical_power_closes_the_balance() -> None:
     assert sum(float(run.load_powers[n][-1]) for n in loads) == pytest.approx(electrical, rel=1e-3)
 
 
+def test_the_other_column_of_a_data_sheet_lies_in_the_range() -> None:
+    """TEC1-12706 (Hebei, from memory): at 25 degC 14.4 V, 6.4 A, 66 K, 50 W; of these alone its figures at 50 degC, 75 K and 57 W."""
+    nodes = {"cold": {"capacitance": "10 [J/K]"}}
+    tec = TEC | {"cold": "cold", "hot": "hot", "Q_max": "50 [W]", "current": "6.4 [A]"}
+    loads = {"heat": {"into": "cold", "power": "0 [W]"}}
+    model = td.model_from_dict({"title": "x", "needs": ["hot"], "nodes": nodes, "coolers": {"tec": tec}, "loads": loads})
+    hot = td.Scenario("hot", boundaries={"hot": "50 [degC]"})
+    size = model.at("tec.size")
+    assert 323.15 - td.steady(model, hot)["cold"] == pytest.approx(75.0, rel=0.03)
+    most = []
+    for share in (size.minimum, size.maximum):  # the heat at which nothing is cooled
+        at = model.with_values({"tec.size": share})
+        low, high = 20.0, 90.0
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            cooler = td.steady(at.with_values({"heat.power": f"{middle} [W]"}), hot)["cold"] < 323.15
+            low, high = (middle, high) if cooler else (low, middle)
+        most.append(low)
+    assert most[0] < 57.0 < most[1]
+    assert most[0] == pytest.approx(57.0, rel=0.03)
+
+
 def test_q_max_is_the_range_of_the_size() -> None:
     expected = 14.4 * 6.4 * (298.15 + 66.0) / (2 * 298.15)
     model, _ = cooled(Q_max="50 [W]")

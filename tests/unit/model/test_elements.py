@@ -17,6 +17,8 @@ from thermid.model.tree.model import Model
 from thermid.network import rows
 from thermid.network.network import compile_network
 from thermid.physics.conduction import spreading_resistance
+from thermid.physics.convection import duct_nusselt, rectangle_nusselt
+from thermid.physics.gas import gas_named
 
 Build = Callable[..., Model]
 POWERS = {"points": [["0 [degC]", "1 [W]"], ["50 [degC]", "2 [W]"]]}
@@ -166,6 +168,15 @@ def test_open_paths_are_fine(part: Build) -> None:
     assert conductance(part({"surfaces/skin/htc": "0 [W/(m^2 K)]"}), "skin") == 0.0
 
 
+def _in_duct(area: float, diameter: float, length: float, flux: float, developed: float, fins: float = 0.0) -> float:
+    """Return h (A + efficiency of fins of 15 x 1 mm and 180 W/(m K) times theirs) of air at 300 K. [W/K]"""
+    air = gas_named("air", "")
+    nusselt = duct_nusselt(flux * diameter / air.mu(300.0), air.at(300.0).prandtl, diameter / length, developed)
+    htc = float(nusselt * air.k(300.0) / diameter)
+    slope = 0.015 * (2.0 * htc / (180.0 * 0.001)) ** 0.5
+    return htc * (area + fins * np.tanh(slope) / slope)
+
+
 @pytest.mark.parametrize(
     ("fields", "result"),
     [
@@ -192,6 +203,15 @@ def test_open_paths_are_fine(part: Build) -> None:
                 "transition": "4 [K]",
             },
             0.1,
+        ),
+        (
+            {"kind": "duct", "diameter": "4 [mm]", "length": "20 [cm]", "mass_flow": "0.1 [g/s]", "count": 3},
+            _in_duct(3 * np.pi * 0.004 * 0.2, 0.004, 0.2, 1e-4 / (3 * np.pi * 0.002**2), 3.66),
+        ),
+        (
+            {"kind": "heat_sink", "width": "2 [mm]", "height": "15 [mm]", "length": "6 [cm]", "count": 12, "mass_flow": "1 [g/s]"}
+            | {"fin_thickness": "1 [mm]", "fin_conductivity": "180 [W/(m K)]"},
+            _in_duct(12 * 0.002 * 0.06, 0.06 / 17, 0.06, 1e-3 / (12 * 3e-5), rectangle_nusselt(2 / 15), 12 * 2 * 0.015 * 0.06),
         ),
         ({"kind": "bolted", "count": 4, "conductance_each": "0.3 [W/K]"}, 1.2),
         (

@@ -94,6 +94,7 @@ pairs = { kind = "radiation", between = ["back", "walls"], exchange_factor = "de
 layer = { kind = "gas", between = ["plate", "back"], area = "2 [cm^2]", gap = "0.5 [mm]", gas = "N2" }
 mount = { kind = "convection", between = ["back", "air"], htc = { length = "3 [cm]", orientation = "down" }, area = "2 [cm^2]" }
 wire = { kind = "lead", between = ["plate", "walls"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "40 [cm]", to = "air" }
+tube = { kind = "duct", between = ["back", "air"], width = "4 [mm]", height = "2 [mm]", length = "20 [cm]", mass_flow = "0.1 [g/s]" }
 still_air = { kind = "gas", between = ["plate", "back"], area = "200 [cm^2]", gap = "25 [mm]", tilt = "30 [deg]", aspect = "8" }
 rail = { kind = "wedge_lock", between = ["plate", "back"], count = 2, length = "8 [cm]", resistance_length = "0.006 [m K/W]" }
 stream = { kind = "flow", between = ["air", "back"], mass_flow = "0.01 [g/s]", specific_heat = "1006 [J/(kg K)]" }
@@ -104,6 +105,17 @@ valve = { kind = "table", between = ["plate", "back"], scale = 2, table = { poin
 steep = { kind = "table", between = ["plate", "air"], table = { over = "difference", points = [
     ["-5 [K]", "1 [mW/K]"], ["0.1 [K]", "2 [mW/K]"],
 ] } }
+
+[conductors.sink]
+kind = "heat_sink"
+between = ["back", "air"]
+width = "2 [mm]"
+height = "9 [mm]"
+length = "6 [cm]"
+count = 8
+fin_thickness = "1 [mm]"
+fin_conductivity = "180 [W/(m K)]"
+volume_flow = "60 [l/min]"
 
 [conductors.screws]
 kind = "bolted"

@@ -54,6 +54,7 @@ def test_a_coefficient_on_its_way_to_the_kernel() -> None:
         "signal",
         "second",
         "controls",
+        "turned",
     ]
     assert (row.name, row.ends, type(row.law), row.law.coefficients) == ("film", ("plate", "air"), type(law), law.coefficients)
 

@@ -11,6 +11,7 @@ import pytest
 import thermid as td
 from controlled import Controlled
 from thermid.errors import SolverError
+from thermid.reporting.diagrams.diagram import diagram
 
 AIR, START = 293.15, 295.65
 TIGHT = td.Options(tolerance=1e-9, relative=0.0, method="integrator")
@@ -331,6 +332,117 @@ def test_steady_states() -> None:
     switching = {"follows": "plate", "thermostat": {"on_below": "30 [degC]", "off_above": "31 [degC]"}}
     with pytest.raises(SolverError, match="the control 'governor' keeps switching"):
         td.steady(td.model_from_dict(deck({"governor": switching}, heater={"control": "governor"})), scenario)
+
+
+def test_the_heat_of_a_steady_state_is_that_of_its_controls() -> None:
+    """Flows and powers of `steady` hold the shares and modes in which it rests."""
+    controls = {
+        "governor": CONTROLS["PI"],
+        "valve": CONTROLS["table"],
+        "stage": {
+            "follows": "radiator",
+            "modes": {"low": 0.2, "high": 1},
+            "starts": "low",
+            "transitions": {
+                "up": {"from": "low", "to": "high", "above": "22 [degC]"},
+                "down": {"from": "high", "to": "low", "below": "5 [degC]"},
+            },
+        },
+    }
+    written = deck(controls, heater={"control": "governor"}, pipe={"control": "valve"}, boost={"control": "stage"})
+    found = td.steady(td.model_from_dict(written), td.Scenario(boundaries={"air": f"{AIR} [K]"}, start=f"{START} [K]", duration="1 [h]"))
+    share = np.interp(found["plate"], [298.15, 308.15, 318.15], [0.1, 1.0, 0.6])
+    pipe = 2.0 * share * (found["plate"] - found["radiator"])
+    heater = pipe + 0.1 * (found["plate"] - AIR)
+    assert 0.0 < heater < 12.0
+    assert found["plate"] == pytest.approx(307.15, abs=1e-6)
+    assert 0.5 * (found["radiator"] - AIR) == pytest.approx(pipe + 4.0, rel=1e-8)
+
+
+def test_a_boundary_that_follows_a_control() -> None:
+    """A node without mass between two boundaries stands at the share of the way between them: a chamber that follows the plate."""
+    written = deck({"chamber": {"follows": "plate", "table": {"points": [["20 [degC]", "1"], ["40 [degC]", "0"]]}}})
+    written["needs"] = ["air", "cold"]
+    written["nodes"]["bath"] = {}
+    tie = {"kind": "conduction", "conductance": "1e6 [W/K]"}
+    written["conductors"] |= {
+        "warms": tie | {"between": ["air", "bath"], "control": "chamber"},
+        "cools": tie | {"between": ["cold", "bath"], "control": "1 - chamber"},
+        "loss": {"kind": "conduction", "between": ["radiator", "bath"], "conductance": "0.5 [W/K]"},
+    }
+    scenario = td.Scenario(boundaries={"air": "20 [degC]", "cold": "0 [degC]"}, start="22 [degC]", duration="600 [s]")
+    run = td.simulate(td.model_from_dict(written), scenario, times=TIMES)
+    share = np.interp(run["plate"].kelvin, [293.15, 313.15], [1.0, 0.0])
+    np.testing.assert_allclose(run["bath"].kelvin, 273.15 + 20.0 * share, rtol=0.0, atol=2e-4)
+    assert run.heat_balance().relative < 1e-9
+
+
+def test_a_switch_and_a_schedule_while_the_pressure_falls() -> None:
+    """A surface whose coefficient follows a schedule and a control while its gas is pumped out: each is a factor, as its flow shows."""
+    deck_: dict[str, Any] = {
+        "title": "plate in a chamber",
+        "needs": ["air"],
+        "nodes": {"plate": {"capacitance": "300 [J/K]"}},
+        "surfaces": {
+            "skin": {
+                "of": "plate",
+                "to": "air",
+                "area": "0.1 [m^2]",
+                "htc": "6 [W/(m^2 K)]",
+                "emissivity": 0.8,
+                "htc_control": "fan",
+                "emissivity_control": "louver",
+            }
+        },
+        "loads": {"heater": {"into": "plate", "power": "20 [W]"}},
+        "controls": {
+            "fan": {"follows": "plate", "table": {"points": [["20 [degC]", "0.5"], ["50 [degC]", "1.5"]]}},
+            "louver": {"follows": "plate", "table": {"points": [["20 [degC]", "0.2"], ["40 [degC]", "1"]]}},
+        },
+    }
+    pressure = {"times": ["0 [s]", "600 [s]"], "values": ["101325 [Pa]", "30000 [Pa]"], "after": "hold"}
+    schedule = {"skin.htc": {"times": ["0 [s]", "900 [s]"], "values": ["6 [W/(m^2 K)]", "9 [W/(m^2 K)]"], "after": "hold"}}
+    scenario = td.Scenario(
+        boundaries={"air": "20 [degC]"},
+        start="20 [degC]",
+        duration="1200 [s]",
+        schedule=schedule,
+        environment={"*": td.Environment(pressure=pressure)},
+    )
+    run_ = td.simulate(td.model_from_dict(deck_), scenario)
+    assert run_.heat_balance().relative < 1e-9
+    plain = {k: v for k, v in deck_.items() if k != "controls"}
+    plain["surfaces"] = {"skin": {k: v for k, v in deck_["surfaces"]["skin"].items() if not k.endswith("_control")}}
+    driven = dict(zip(("times", "values"), ([f"{t} [s]" for t in run_.times], [f"{t} [K]" for t in run_["plate"].kelvin]), strict=True))
+    free = td.simulate(
+        td.model_from_dict(
+            plain
+            | {
+                "nodes": plain["nodes"] | {"other": {"capacitance": "1 [J/K]"}},
+                "conductors": {"x": {"kind": "conduction", "between": ["other", "air"], "conductance": "1 [W/K]"}},
+            }
+        ),
+        scenario.with_(prescribed={"plate": driven | {"after": "hold"}}),
+        times=run_.times,
+    )
+    kelvin = run_["plate"].kelvin
+    fan = np.interp(kelvin, [293.15, 323.15], [0.5, 1.5])
+    louver = np.interp(kelvin, [293.15, 313.15], [0.2, 1.0])
+    np.testing.assert_allclose(run_.heat_flows["skin"], fan * free.heat_flows["skin"], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(run_.heat_flows["skin.radiation"], louver * free.heat_flows["skin.radiation"], rtol=1e-6, atol=1e-6)
+
+
+def test_check_and_diagram_know_controls() -> None:
+    """A control that nothing names is a warning; a diagram writes shares behind values."""
+    written = deck(
+        {"governor": CONTROLS["PI"], "spare": CONTROLS["table"]}, pipe={"control": "1 - governor"}, heater={"control": "governor"}
+    )
+    model = td.model_from_dict(written)
+    said = [f.message for f in model.check() if "control" in f.message]
+    assert said == ["the control 'spare' is declared but nothing names it."]
+    drawn = diagram(model)
+    assert "2 W/K \u00d7 (1 - governor)" in drawn
+    assert "12 W \u00d7 governor" in drawn
 
 
 def test_a_set_point_follows_a_schedule() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import pairwise
 from typing import Annotated, Any, Final
 
 from pydantic import Field
@@ -358,3 +359,84 @@ class CoolerTable(StrictTable):
             )
         basis = f"Q_max {self.Q_max} where V_max, I_max and dT_max give {expected:.4g} W"
         return {"value": 1, "min": min(1.0, share), "max": max(1.0, share), "source": "datasheet", "basis": basis}
+
+
+FAN_UNITS: Final = {"resistance": "Pa s^2/m^6", "linear_resistance": "Pa s/m^3", "speed": "1", "count": "1"}
+
+
+class FanTable(StrictTable):
+    """A fan or pump on the resistance of its system: the flow at which both pressures are one."""
+
+    curve: Annotated[list[tuple[str, str]], Field(min_length=2)]
+    resistance: Raw | None = None
+    passes: tuple[str, str] | None = None
+    linear_resistance: Raw | None = None
+    speed: Raw | None = None
+    count: Raw | None = None
+
+    def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
+        """Return its deck, of values alone: `flow` and `pressure` at the operating point.
+
+        A fan's line a + b V at speed s, n side by side, is s^2 a + s b V / n (affinity laws); it meets r V + k V^2 at
+        V = 2 s^2 a / (r - s b / n + sqrt((r - s b / n)^2 + 4 k s^2 a)). As the fan's curve is the highest of the lowest of its lines,
+        and the flow rises with every line, so is the flow of their flows.
+        """
+        points = self._points(where)
+        values = _Values(FAN_UNITS, where)
+        values.take("linear_resistance", self.linear_resistance if self.linear_resistance is not None else "0 [Pa s/m^3]")
+        values.take("speed", self.speed if self.speed is not None else 1, min=0)
+        values.take("count", self.count if self.count is not None else 1, min=0)
+        values.take("resistance", self._resistance(where))
+        parameters: dict[str, Any] = dict(values.parameters)
+        lines = [(p0 - (p1 - p0) / (v1 - v0) * v0, (p1 - p0) / (v1 - v0)) for (v0, p0), (v1, p1) in pairwise(points)]
+        for k, (a, b) in enumerate(lines):
+            parameters[f"head_{k}"] = {"value": f"{a!r} [Pa]", "source": "datasheet"}
+            parameters[f"slope_{k}"] = {"value": f"{b!r} [Pa s/m^3]", "source": "datasheet"}
+            own = f"(linear_resistance - speed*slope_{k}/count)"
+            parameters[f"flow_{k}"] = f"2*speed**2*head_{k}/({own} + sqrt({own}**2 + 4*resistance*speed**2*head_{k}))"
+        parameters["flow"] = _highest([_lowest(k, lines, points) for k in range(len(lines))])
+        parameters["pressure"] = "linear_resistance*flow + resistance*flow**2"
+        return Assembly({"title": f"fan {name}", "parameters": parameters}, {}, values.set)
+
+    def _points(self, where: Where) -> list[tuple[float, float]]:
+        points = [(literal(v, "m^3/s", where("curve")), literal(p, "Pa", where("curve"))) for v, p in self.curve]
+        for (v0, p0), (v1, p1) in pairwise(points):
+            if not v1 > v0 >= 0.0:
+                raise DeckError("the flows of a fan's curve increase from zero or above.", where("curve"))
+            if not p1 < p0:
+                raise DeckError(
+                    f"the pressure of a fan's curve falls as the flow rises; from {v0:g} to {v1:g} m^3/s it does not. Leave its stall out.",
+                    where("curve"),
+                )
+        return points
+
+    def _resistance(self, where: Where) -> Any:
+        """Return the quadratic resistance, given itself or by one point of the system."""
+        if (self.resistance is None) == (self.passes is None):
+            raise DeckError(
+                "a fan needs the resistance of its system, or passes = [flow, pressure], a point of it; one of them.", where("")
+            )
+        if self.resistance is not None:
+            return self.resistance
+        assert self.passes is not None
+        flow, pressure = (literal(text, unit_, where("passes")) for text, unit_ in zip(self.passes, ("m^3/s", "Pa"), strict=True))
+        if not (flow > 0.0 and pressure > 0.0):
+            raise DeckError("a system passes a flow above zero at a pressure above zero.", where("passes"))
+        return f"{pressure / flow**2!r} [Pa s^2/m^6]"
+
+
+def _lowest(k: int, lines: list[tuple[float, float]], points: list[tuple[float, float]]) -> str:
+    """Return the lowest of the flows of the lines that lie at or above the k-th on its own stretch."""
+    ends = (points[k][0], points[k + 1][0])
+    here = [lines[k][0] + lines[k][1] * v for v in ends]
+    above = [j for j, (a, b) in enumerate(lines) if all(a + b * v >= h - 1e-12 * abs(h) for v, h in zip(ends, here, strict=True))]
+    return _nested("min", [f"flow_{j}" for j in above])
+
+
+def _highest(texts: list[str]) -> str:
+    return _nested("max", list(dict.fromkeys(texts)))
+
+
+def _nested(function: str, texts: list[str]) -> str:
+    """Return min(a, b, ...) or the one text that there is."""
+    return texts[0] if len(texts) == 1 else f"{function}({', '.join(texts)})"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from thermid.model.deck.schema import Deck
 
 DEEPEST = 20
-ASSEMBLIES = ("packages", "ladders", "coolers")
+ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
 """Groups of a deck whose elements are small decks."""
 _OTHERS = (
     ({"tests", "limits"}, "this is a qualification plan, not a deck. `thermid plan` reads it."),

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field, create_model
 
 from thermid.errors import DeckError, ThermidError, nearest
 from thermid.grammar import StrictTable, reads
-from thermid.model.deck.assemblies import CoolerTable, LadderTable, PackageTable
+from thermid.model.deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model.deck.fields import (
     Coefficient,
     CurveTable,
@@ -33,7 +33,7 @@ from thermid.model.laws.curves import Curve, limited
 from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
 from thermid.model.laws.stores import melting, tabulated
-from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, Transition, check_modes, followed, of_difference
+from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model.parts.elements import (
     CONTROLS,
     LOAD_SLOTS,
@@ -529,11 +529,11 @@ class ControlTable(ElementTable):
             if self.table.outside == "refuse":
                 raise DeckError("a control's table is held or goes on outside its points; it cannot refuse a temperature.", where("table"))
 
-    def _transition(self, t: TransitionTable, where: str) -> Transition:
+    def _transition(self, t: TransitionTable, where: str) -> ModeChange:
         senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
         if len(senses) != 1:
             raise DeckError("a transition has one of above, below (a temperature) and after (a time in its mode).", where)
-        return Transition(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
+        return ModeChange(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
 class MadeInTable(StrictTable):
@@ -599,6 +599,7 @@ class _ConductorTable(ElementTable):
     tilt: str = ""
     aspect: str = ""
     control: Controlled | None = None
+    reversible: bool = False
 
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
@@ -613,6 +614,8 @@ class _ConductorTable(ElementTable):
             _check_gap(fields, words, where(""))
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
+        if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
+            raise DeckError("reversible belongs to a flow; of a gas to one that is given as mass_flow.", where("reversible"))
         points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
             raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
@@ -627,7 +630,8 @@ class _ConductorTable(ElementTable):
         if self.takes and "area" not in fields:
             raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
         law = shape if points is None else limited(points)
-        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, control_names(self.control))
+        by = control_names(self.control)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
 
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
@@ -704,6 +708,7 @@ class Deck(StrictTable):
     packages: dict[str, PackageTable] = {}
     ladders: dict[str, LadderTable] = {}
     coolers: dict[str, CoolerTable] = {}
+    fans: dict[str, FanTable] = {}
     tables: dict[str, RowsTable] = {}
     set: dict[str, Value] = {}
     cuts: list[str] = []
@@ -711,7 +716,20 @@ class Deck(StrictTable):
     made_in: dict[str, MadeInTable] = {}
 
 
-GROUPS = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls", "submodels", "packages", "ladders", "coolers")
+GROUPS = (
+    "nodes",
+    "surfaces",
+    "conductors",
+    "joints",
+    "enclosures",
+    "loads",
+    "controls",
+    "submodels",
+    "packages",
+    "ladders",
+    "coolers",
+    "fans",
+)
 """Groups of a deck whose elements a table of rows may make."""
 
 

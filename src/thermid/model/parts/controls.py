@@ -41,7 +41,7 @@ MOST_NODES: Final = 3
 
 
 @dataclass(frozen=True)
-class Transition:
+class ModeChange:
     """A way from one mode to another.
 
     Parameters
@@ -69,7 +69,7 @@ class Control:
     fields : dict           See `CONTROL_SLOTS`; of modes ``modes.<mode>`` [-] and ``transitions.<name>.above``, ``.below`` or ``.after``.
     curve : Curve or None   Share over what it follows. [-]
     starts : str            Mode at the start.
-    transitions : dict      Name -> Transition.
+    transitions : dict      Name -> ModeChange.
     sample : float          Time between two looks at the temperature; zero for a control that never rests. [s]
     """
 
@@ -78,7 +78,7 @@ class Control:
     fields: Mapping[str, Parameter] = field(default_factory=dict)
     curve: Curve | None = None
     starts: str = ""
-    transitions: Mapping[str, Transition] = field(default_factory=dict)
+    transitions: Mapping[str, ModeChange] = field(default_factory=dict)
     sample: float = 0.0
     test_only: bool = False
 

@@ -74,6 +74,7 @@ class Conductor:
     test_only : bool        Whether it exists on the bench only.
     words : dict            What the kind needs that is no number: a gas, a correlation.
     controls : tuple        Controls whose shares its heat flow is multiplied by; ``1 - name`` takes the rest of one.
+    reversible : bool       Whether a stream may turn: a flow below zero goes from the second node to the first.
     """
 
     kind: str
@@ -84,6 +85,7 @@ class Conductor:
     test_only: bool = False
     words: Mapping[str, str] = field(default_factory=dict)
     controls: tuple[str, ...] = ()
+    reversible: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Final
 
 from thermid.dual import Number, value_of
 from thermid.errors import DeckError
-from thermid.physics import conduction, contact, radiation
+from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import TEMPERATURE
 
@@ -37,9 +37,9 @@ class Law:
                                     conductivity), hinge (part of a table that moves), and whatever the kernel has besides.
     coefficients : tuple of Number  What the form needs, the conductance-like one first.
     medium : str                    'solid', 'radiation' or 'gas' (falls with pressure) or 'mixed' (an effective value, gas and radiation);
-                                    'rest' (gas in a gap) and 'correlation' are written out where the gas is known; 'fin' has conductances
-                                    in air, bare, and with radiation alone where that is known; 'left' is the radiation that an effective
-                                    coefficient holds and that is on its own only where its gas is gone.
+                                    'rest' (gas in a gap), 'correlation' and 'duct' are written out where the gas is known; 'fin' has
+                                    conductances in air, bare, and with radiation alone where that is known; 'left' is the radiation that
+                                    an effective coefficient holds and that is on its own only where its gas is gone.
     points : tuple                  Of a table that follows values: temperature [K] and conductance [W/K] of each point, joined by straight
                                     lines, constant beyond both ends. A table that an author gives stands in the deck.
     over : str                      What such a table is over: 'temperature', the mean of both ends, or 'difference'.
@@ -179,6 +179,46 @@ def _flow(f: Fields) -> Law:
     return Law("flow", (flow * f.get("density", 1.0) * f.get("specific_heat", 1.0),))
 
 
+def _duct(f: Fields) -> Law:
+    """Return what a stream in ducts side by side takes from their walls; the medium knows its gas."""
+    count = f.get("count", 1.0)
+    if "diameter" in f:
+        diameter, section, wet = f["diameter"], 0.25 * math.pi * f["diameter"] ** 2, math.pi * f["diameter"] * f["length"]
+        return _in_duct(f, count * wet, 0.0, 0.0, diameter, count * section, 3.66)
+    width, height = f["width"], f["height"]
+    wet = 2.0 * (width + height) * f["length"]
+    return _in_duct(f, count * wet, 0.0, 0.0, 2.0 * width * height / (width + height), count * width * height, _rectangle(width, height))
+
+
+def _heat_sink(f: Fields) -> Law:
+    """Return what a stream takes from the fins and the base between them of a heat sink whose channels are closed by a shroud."""
+    width, height, count = f["width"], f["height"], f["count"]
+    if not value_of(f["fin_thickness"]) * value_of(f["fin_conductivity"]) > 0.0:
+        raise DeckError("a heat sink needs a thickness and a conductivity of its fins above zero.")
+    base, fins = count * width * f["length"], 2.0 * count * height * f["length"]
+    slope = height * (2.0 / (f["fin_conductivity"] * f["fin_thickness"])) ** 0.5  # times the root of h: m L of a fin
+    section = count * width * height
+    return _in_duct(f, base, fins, slope, 2.0 * width * height / (width + height), section, _rectangle(width, height))
+
+
+def _rectangle(width: Number, height: Number) -> Number:
+    """Return the laminar Nusselt number of a channel."""
+    if not value_of(width) * value_of(height) > 0.0:
+        raise DeckError("a duct needs a width and a height above zero.")
+    flat = value_of(width) < value_of(height)
+    found: Number = convection.rectangle_nusselt(width / height if flat else height / width)
+    return found
+
+
+def _in_duct(f: Fields, base: Number, fins: Number, slope: Number, diameter: Number, section: Number, developed: Number) -> Law:
+    if not (value_of(diameter) > 0.0 and value_of(f["length"]) > 0.0):
+        raise DeckError("a duct needs a diameter (or a width and a height) and a length above zero.")
+    flow, by_volume = (f["mass_flow"], 0.0) if "mass_flow" in f else (f["volume_flow"], 1.0)
+    if value_of(flow) < 0.0:
+        raise DeckError("the flow through a duct is given without a sign.")
+    return Law("linear", (base, fins, slope, diameter, f["length"], flow / section, developed, by_volume), "duct")
+
+
 def _lead(f: Fields) -> Law:
     """Return what a lead carries from end to end."""
     return _fin(f, 0)
@@ -265,6 +305,7 @@ def _spreading(f: Fields) -> Law:
 
 _AREA = {"area": "m^2"}
 _ALL = frozenset
+_SINK = {"width": "m", "height": "m", "length": "m", "count": "1", "fin_thickness": "m", "fin_conductivity": "W/(m K)"}
 
 KINDS: Final[Mapping[str, Kind]] = {
     "conduction": Kind(
@@ -304,6 +345,17 @@ KINDS: Final[Mapping[str, Kind]] = {
         {"mass_flow": "kg/s", "specific_heat": "J/(kg K)", "volume_flow": "m^3/s", "density": "kg/m^3"},
         optional=_ALL({"density", "specific_heat"}),
         words=_ALL({"fluid"}),
+    ),
+    "duct": Kind(
+        _duct,
+        tuple(_ALL({*shape, "length", flow}) for shape in (("diameter",), ("width", "height")) for flow in ("mass_flow", "volume_flow")),
+        {"diameter": "m", "width": "m", "height": "m", "length": "m", "mass_flow": "kg/s", "volume_flow": "m^3/s", "count": "1"},
+        optional=_ALL({"count"}),
+    ),
+    "heat_sink": Kind(
+        _heat_sink,
+        tuple(_ALL({*_SINK, flow}) for flow in ("mass_flow", "volume_flow")),
+        _SINK | {"mass_flow": "kg/s", "volume_flow": "m^3/s"},
     ),
     "lead": Kind(
         _lead,

@@ -13,7 +13,7 @@ from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, quo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import HeatStore, potential, store
-from thermid.model.parts.controls import COMPLEMENT, Control, Transition, named_control, of_difference, slot_of
+from thermid.model.parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model.parts.enclosures import Face, pairs
 from thermid.model.parts.facing import Facing
@@ -72,6 +72,7 @@ class FlatConductor:
     recipe: Callable[[Mapping[str, Any]], Law] | None = None
     words: Mapping[str, str] = field(default_factory=dict)
     controls: tuple[str, ...] = ()
+    reversible: bool = False
 
     def laws(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
         """Return the rows that it is at the values of its fields (float or Dual, SI)."""
@@ -112,7 +113,7 @@ class FlatControl:
     ways: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
     where: str = ""
 
-    def transition(self, name: str) -> tuple[Transition, tuple[tuple[str, float], ...]]:
+    def transition(self, name: str) -> tuple[ModeChange, tuple[tuple[str, float], ...]]:
         """Return a transition and what it follows."""
         return self.control.transitions[name], self.ways[name]
 
@@ -204,7 +205,7 @@ def flatten(model: Tree) -> Flat:
             gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
             law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
             made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
-            made = replace(made, controls=_controls(owner, prefix, c.controls, key))
+            made = replace(made, controls=_controls(owner, prefix, c.controls, key), reversible=c.reversible)
             conductors += [made, *_losses(made)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
@@ -511,7 +512,7 @@ def surrounding(flat: Flat) -> frozenset[str]:
 
 def _convected(flat: Flat) -> set[str]:
     found = {face.to for face in flat.faces.values() if face.exchange}
-    found |= {c.gas for c in flat.conductors if c.path.endswith(".gap") and c.kind == "convection"}
+    found |= {c.gas for c in flat.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
     return found | {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
 
 
@@ -562,14 +563,33 @@ def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]
 def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with the sums of a node."""
     entering, leaving = (sum((flow_of(c, values) for c in part), start=0.0) for part in (into, out))
-    gap, most = entering - leaving, entering + leaving
-    if gap * gap > (BALANCED * most) * (BALANCED * most):
+    sums: dict[tuple[str, ...], Any] = {}
+    most: Any = 0.0
+    for sign, part in ((1.0, into), (-1.0, out)):
+        for c in part:
+            flow = flow_of(c, values)
+            most = most + (flow * flow) ** 0.5
+            for names, weight in _products(c.controls):
+                sums[names] = sums.get(names, 0.0) + sign * weight * flow
+    if any(gap * gap > (BALANCED * most) * (BALANCED * most) for gap in sums.values()):
+        by = sorted({name for names in sums for name in names})
+        driven = f", which is not one and the same whatever {quoted(by)} {'give' if len(by) > 1 else 'gives'}" if by else ""
         yield (
             out[0].where,
-            f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}. "
+            f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}{driven}. "
             "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as "
             "the ambient; one parameter for all streams of a line keeps it closed in fits and schedules.",
         )
+
+
+def _products(controls: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
+    """Return the product of controls as a sum: names whose shares are multiplied, and a factor; ``1 - x`` is one less x."""
+    out: list[tuple[tuple[str, ...], float]] = [((), 1.0)]
+    for each in controls:
+        name, rest = named_control(each)
+        taken = [(tuple(sorted((*names, name))), -weight if rest else weight) for names, weight in out]
+        out = [*out, *taken] if rest else taken
+    return out
 
 
 def _by_fluid(streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:

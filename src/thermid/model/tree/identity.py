@@ -419,6 +419,7 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
         | _law_to(e)
         | ({"takes": list(e.takes)} if e.takes else {})
         | _controlled(e.controls)
+        | ({"reversible": True} if e.reversible else {})
         | flag(e)
         for n, e in model.conductors.items()
     }

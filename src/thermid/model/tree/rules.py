@@ -14,6 +14,7 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import ThermidError, quoted
 from thermid.model.laws.curves import evaluate
+from thermid.model.parts.controls import named_control
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, bare, flatten, into_gas, radiates_into, still, unclosed, unfed
 from thermid.model.tree.identity import APART, cuts_of, local_identities
@@ -268,9 +269,15 @@ def _unused(view: _View) -> Iterator[Finding]:
         new = needs[todo.pop()] - used
         used |= new
         todo += new
+    read = {f"{prefix}{name}.pressure" for owner, prefix in view.model.walk() for name, s in owner.submodels.items() if s.made == "fans"}
     for path, where in declared.items():
-        if path not in used and path.rpartition(".")[2] not in READINGS:
+        if path not in used and path.rpartition(".")[2] not in READINGS and path not in read:
             yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.")
+    elements = [*(c.controls for c in view.flat.conductors), *(load.controls for load in view.flat.loads)]
+    named = {named_control(name)[0] for several in elements for name in several}
+    for path, control in view.flat.controls.items():
+        if path not in named:
+            yield Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.")
 
 
 def _fractions(view: _View) -> Iterator[Finding]:

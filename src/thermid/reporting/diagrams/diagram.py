@@ -10,6 +10,7 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.errors import NameNotFoundError, refuse_unknown
+from thermid.model.parts.controls import COMPLEMENT, named_control
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Tree
@@ -29,6 +30,8 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "radiation": ("dotted", "radiation"),
     "gas": ("dashed", "gas at rest"),
     "flow": ("flow", "one-way flow"),
+    "duct": ("dashed", "stream in a duct"),
+    "heat_sink": ("dashed", "stream through a heat sink"),
     "lead": ("solid", "lead"),
     "heat_pipe": ("mixed", "heat pipe"),
     "bolted": ("solid", "bolted joint"),
@@ -289,7 +292,7 @@ def _power(load: FlatLoad, numbers: Numbers, powers: Mapping[str, float] | None,
     if powers is not None:
         return (quantity(powers[load.path], "W") if load.path in powers else ""), False
     text = quantity(value_of(numbers.values[load.fields["power"]]), "W") if "power" in load.fields else "table" if load.curve else ""
-    return text, bool(set(load.fields) - {"power"} or (load.curve and "power" in load.fields))
+    return text + times(load.controls), bool(set(load.fields) - {"power"} or (load.curve and "power" in load.fields))
 
 
 def _loads(
@@ -354,9 +357,17 @@ def conductances(plain: FoldedModel, network: Network, numbers: Numbers, given: 
     """Return conductor drawn -> its conductance as text, of a folded part the sum of its members."""
     found = _single(network, numbers, given)
     several = {drawn: [found[c] for c, _ in members if c in found] for drawn, members in plain.members.items()}
-    return {
-        drawn: ("" if all(sure for _, sure in own) else "≈") + quantity(sum(v for v, _ in own), "W/K") for drawn, own in several.items()
-    }
+    by = {c.path: c.controls for c in network.flat.conductors if c.controls}
+    out = {drawn: ("" if all(sure for _, sure in own) else "≈") + quantity(sum(v for v, _ in own), "W/K") for drawn, own in several.items()}
+    for drawn, members in plain.members.items():
+        out[drawn] += times(dict.fromkeys(name for c, _ in members for name in by.get(c, ())))
+    return out
+
+
+def times(controls: Iterable[str]) -> str:
+    """Return the controls by whose shares something is multiplied, as a text behind its value."""
+    short = [f"({COMPLEMENT}{name.rpartition('.')[2]})" if rest else name.rpartition(".")[2] for name, rest in map(named_control, controls)]
+    return "".join(f" \u00d7 {name}" for name in short)
 
 
 def _single(network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, tuple[float, bool]]:

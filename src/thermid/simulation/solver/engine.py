@@ -509,6 +509,16 @@ class Engine(KernelProblem):
 def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
     """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and their derivatives (nodes, free).
 
+    Raises
+    ------
+    SolverError   As in `at_rest`.
+    """
+    return at_rest(problem, a, time, gradients)[:2]
+
+
+def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array, NDArray[np.int32]]:
+    """Return what `settle` does, and the states of thermostats (-1: by their temperature) and the modes of controls.
+
     Controls with modes begin in their first and go on to those that the temperatures found ask for, until they rest.
 
     Raises
@@ -524,11 +534,11 @@ def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = 
     while True:
         found, slopes = _settled(problem, a, time, gradients, on)
         if not machines:
-            return found, slopes
+            return found, slopes, on
         seen.add(on.tobytes())
         changed = _next_modes(problem, a, found, time, on[first:])
         if changed is None:
-            return found, slopes
+            return found, slopes, on
         on[first + changed[0]] = changed[1]
         if on.tobytes() in seen:
             name = machines[changed[0]].name

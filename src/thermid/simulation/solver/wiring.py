@@ -139,6 +139,18 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) ->
     return pulses(period, duty)
 
 
+ROUNDING = 1e-13
+"""Share of its largest value below which a scheduled value is zero. [-]"""
+
+
+def _with_zeros(times: Array, columns: Array) -> Array:
+    """Return times (times,) with the instants at which straight lines between samples (times, signals) pass zero."""
+    before, after = columns[:-1], columns[1:]
+    rows, which = np.nonzero(before * after < 0.0)
+    share = before[rows, which] / (before[rows, which] - after[rows, which])
+    return np.union1d(times, times[rows] + share * (times[rows + 1] - times[rows]))
+
+
 class Schedule:
     """Parameters that follow signals.
 
@@ -154,6 +166,10 @@ class Schedule:
         drawn = [s.drawn(duration) for s in signals.values()]
         self.times, self.hold = together(drawn, duration)
         columns = np.column_stack([s.at(self.times) for s in drawn])
+        if not self.hold:  # a flow that turns has a knot where it is zero
+            self.times = _with_zeros(self.times, columns)
+            columns = np.column_stack([s.at(self.times) for s in drawn])
+            columns[np.abs(columns) < ROUNDING * np.abs(columns).max(axis=0, initial=0.0)] = 0.0
         self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
         self.index = self.index.ravel()
 
@@ -715,7 +731,8 @@ class Wiring:
                 coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
             for control in row.controls:
                 coefficients[0] = coefficients[0] * shares[control]
-            out[row.name] = out.get(row.name, 0.0) + law(row.form, coefficients, row.curve, a, b)
+            own = law(row.form, coefficients, row.curve, a, b)
+            out[row.name] = out.get(row.name, 0.0) + (-own if row.turned and law is heat else own)
         return out
 
     def _controlled(self, numbers: Numbers) -> list[LoadRow]:

@@ -1,0 +1,173 @@
+"""When to stop a test: forecasts at set moments, each with a share of the risk, so that looking on does not add to it.
+
+A decision is taken only when the time watched has grown by a seventh since the last one; each of the first `DECISIONS` takes the same part
+of the risk, and later ones none: they forecast, and stop nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union
+bound for any dependence between looks). Channels share each part alike. Within a decision the forecast is that of `thermid.steadiness`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from thermid.errors import RecordError
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.record.record import Record
+from thermid.measure.record.steadiness import StabilityRule
+from thermid.physics.constants import ICE_POINT
+from thermid.steadiness.forecast import Forecast, forecast
+
+RISK: Final = 0.01
+"""Probability of one wrong stop in a whole test, at most."""
+GROWN: Final = 1.15
+"""By how much the time watched grows from one decision to the next."""
+DECISIONS: Final = 30
+"""Decisions that share the risk: the time watched grows to sixty times that of the first one."""
+
+STOP, WAIT, DECLINED = "stop", "wait", "declined"
+
+
+@dataclass(frozen=True)
+class TemperatureLimit:
+    """A limit on where a channel ends. [K]"""
+
+    channel: str
+    above: bool
+    value: float
+
+    def undecided(self, low: float, high: float) -> bool:
+        """Whether an interval lies on both sides of it."""
+        return low <= self.value <= high
+
+    def __str__(self) -> str:
+        """As it is written."""
+        return f"{self.channel}{'>' if self.above else '<'}{short(self.value - ICE_POINT)} degC"
+
+
+@dataclass(frozen=True)
+class StopAdvice:
+    """What is advised at one moment.
+
+    Parameters
+    ----------
+    word : str                  ``stop``, ``wait`` or ``declined``.
+    because : str               In words.
+    decisions : int             How many there were up to now.
+    level : float               Level of the intervals at the last one. [-]
+    ends : dict                 Channel -> its `Forecast` at the last one.
+    holds : float or None       When the rule of stability will hold for all channels, as likely earlier as later. [s]
+    at : float                  Time of the decision. [s]
+    """
+
+    word: str
+    because: str
+    decisions: int
+    level: float
+    ends: Mapping[str, Forecast] = field(repr=False)
+    holds: float | None
+    at: float
+
+
+class Stopping:
+    """Decisions of one test.
+
+    Parameters
+    ----------
+    rule : StabilityRule    The plan's own; advice never says that it holds where it does not.
+    within : float          Half of the interval of where a channel ends, at most. [K]
+    limits : sequence       Limits on where channels end; a stop needs each decided.
+    risk : float            Of one wrong stop in the whole test. [-]
+    required : bool         Whether the plan's rule must hold before a stop is advised.
+    more                    Passed on to `forecast`: reference, slowest, model, scenario.
+    """
+
+    def __init__(
+        self,
+        rule: StabilityRule,
+        within: float,
+        limits: tuple[TemperatureLimit, ...] = (),
+        risk: float = RISK,
+        required: bool = False,
+        **more: Any,
+    ) -> None:
+        self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
+        self.count, self._watched = 0, 0.0
+        self.last: StopAdvice | None = None
+
+    def due(self, record: Record) -> bool:
+        """Whether the time watched has grown enough for the next decision."""
+        return float(record.times[-1] - record.times[0]) >= GROWN * self._watched
+
+    def decide(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float] | None = None, doubt: str = "") -> StopAdvice:
+        """Return the advice on a record, a new decision where one is due, else the last one.
+
+        Parameters
+        ----------
+        record : Record     All readings since conditions last changed.
+        names : tuple       Channels that must end.
+        settles : dict      Channel -> where a model settles; a forecast that ends elsewhere is declined. [K]
+        doubt : str         What is wrong with the test or its model; nothing is then stopped.
+        """
+        if self.last is not None and not self.due(record):
+            return self.last
+        self.count += 1
+        self._watched = float(record.times[-1] - record.times[0])
+        level = 1.0 - self.risk / (DECISIONS * len(names))
+        ends: dict[str, Forecast] = {}
+        why = ""
+        for name in names:
+            try:
+                ends[name] = forecast(record, name, rule=self.rule, within=self.within, level=level, **self.more)
+            except RecordError as error:
+                why = why or error.message
+        holds = [f.holds for f in ends.values()]
+        late = None if not ends or any(h is None for h in holds) else max(h for h in holds if h is not None)
+        self.last = self._advice(record, ends, why or self._apart(ends, settles or {}), late, level, doubt)
+        return self.last
+
+    def _apart(self, ends: Mapping[str, Forecast], settles: Mapping[str, float]) -> str:
+        """Return that readings end elsewhere than the model settles; nothing where they do not."""
+        apart = {n: ends[n].final.value - t for n, t in settles.items() if n in ends and not ends[n].declined}
+        far = max(apart, key=lambda n: abs(apart[n]), default="")
+        if not far or abs(apart[far]) <= self.within:
+            return ""
+        return (
+            f"{far}: the readings end at {ends[far].final}, the model settles {short(abs(apart[far]))} K "
+            f"{'below' if apart[far] > 0 else 'above'} that: a slow mass that the model does not have, or a value that is not as it says."
+        )
+
+    def _advice(self, record: Record, ends: Mapping[str, Forecast], why: str, late: float | None, level: float, doubt: str) -> StopAdvice:
+        now = float(record.times[-1])
+
+        def said(word: str, because: str) -> StopAdvice:
+            return StopAdvice(word, because, self.count, level, ends, late, now)
+
+        if doubt or why:
+            return said(DECLINED if doubt or ends else WAIT, doubt or why)
+        if self.count > DECISIONS:
+            return said(DECLINED, f"{DECISIONS} decisions were taken, and none is left: their risk is spent. Judge by the plan's rule.")
+        open_ = [f for f in ends.values() if f.declined]
+        if open_:
+            worst = max(open_, key=lambda f: f.final.error)
+            return said(DECLINED, f"{worst.channel}: {worst.declined}")
+        undecided = [m for m in self.limits if m.channel in ends and m.undecided(ends[m.channel].final.low, ends[m.channel].final.high)]
+        if undecided:
+            m = undecided[0]
+            f = ends[m.channel].final
+            span = f"{short(f.low - ICE_POINT)} to {short(f.high - ICE_POINT)} degC"
+            return said(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
+        holds = late is not None and late <= now
+        if self.required and not holds:
+            return said(WAIT, f"where it ends is known, but the plan asks that '{self.rule.name}' holds{_when(late, now)}.")
+        rule = (
+            ""
+            if holds
+            else f" The plan's rule '{self.rule.name}' does not hold yet{_when(late, now)}; whether the test may end is the plan's to say."
+        )
+        return said(STOP, f"more waiting changes no verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}")
+
+
+def _when(late: float | None, now: float) -> str:
+    """Return when a rule will hold, in brackets; nothing where that is not to be seen."""
+    return "" if late is None else f" (in about {duration_text(max(late - now, 0.0))})"

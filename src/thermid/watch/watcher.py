@@ -1,0 +1,459 @@
+"""`Watcher`: a log looked at again and again; every `WatchLook` says what is advised, what nobody measures, and what went wrong.
+
+A sensor that is off shows in its readings alone. By the model, a suspect is a value that changes some minutes before now. A filter that
+knows of it would have had other innovations; the difference is its signature d, and what the innovations e hold of it raises the
+log-likelihood by ``(sum d e / S)^2 / (2 sum d^2 / S)`` (generalised likelihood ratio: Willsky and Jones, IEEE Trans. Autom. Control 21
+(1976) 108). The largest names the suspect; others that do as well are named with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.estimation.dynamics import At, Dynamics
+from thermid.estimation.filtering import Belief
+from thermid.estimation.passing import Passing
+from thermid.estimation.process import WIENER, ProcessNoise
+from thermid.fit.problem.experiment import bind
+from thermid.fit.problem.residuals import Bench
+from thermid.linear_algebra import Array, Bools
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.record.record import Record
+from thermid.model.tree.model import Model
+from thermid.network.network import Network
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import settle
+from thermid.simulation.solver.problem import Traces
+from thermid.watch.stopping import StopAdvice, Stopping
+
+JUMP: Final = 8.0
+"""Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
+LEAST_JUMP: Final = 3.0
+"""The same at least. [K]"""
+GONE: Final = 3
+"""Readings in a row that are missing."""
+STAYS: Final = 60.0
+"""How long readings must stay where they jumped to; sensors of simple boards are off by some kelvin for seconds. [s]"""
+STUCK: Final = 60
+"""Readings in a row without any change, of a sensor that changed before."""
+MOVING: Final = 0.2
+"""Share of neighbours that differed before, from which a sensor counts as changing."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Something that went wrong.
+
+    Parameters
+    ----------
+    kind : str          ``sensor``, ``joint``, ``air``, ``power``, or ``heat path``.
+    suspect : str       Channel or path.
+    since : float       When it began, about. [s]
+    because : str       In words.
+    gain : float        Rise of the log-likelihood; infinite for what readings alone show. [-]
+    """
+
+    kind: str
+    suspect: str
+    since: float
+    because: str
+    gain: float
+
+    def __str__(self) -> str:
+        """On one line."""
+        return f"{self.kind}: {self.suspect}: {self.because}"
+
+
+def sensor_alarms(record: Record, names: Sequence[str]) -> list[Alarm]:
+    """Return the sensors whose readings are none: missing, stuck, or jumped further than what they measure can."""
+    found = [_of_readings(name, record.times, record.channel(name).values, record.channel(name).valid) for name in names]
+    return [a for a in found if a is not None]
+
+
+def pending(record: Record, names: Sequence[str]) -> bool:
+    """Whether the last readings of a sensor jumped, or are missing, and too few came since to say whether it is off."""
+    for name in names:
+        channel = record.channel(name)
+        if not channel.valid[-1]:
+            return True
+        times, steps = record.times[channel.valid], np.diff(channel.values[channel.valid])
+        late = times[1:] > record.times[-1] - 1.5 * STAYS
+        if late.any() and np.abs(steps[late]).max() > _least(steps):
+            return True
+    return False
+
+
+def _least(steps: Array) -> float:
+    """Return the step between neighbours that counts as a jump. [K]"""
+    usual = max(float(np.median(np.abs(steps))) / 0.6745, float(np.quantile(np.abs(steps), 0.9)) / 1.645, 1e-3)
+    return max(JUMP * usual, LEAST_JUMP)
+
+
+def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm | None:
+    if valid.size >= GONE and not valid[-GONE:].any():
+        last = np.flatnonzero(valid)
+        since = float(times[last[-1] + 1]) if last.size else float(times[0])
+        return Alarm("sensor", name, since, f"no reading since {since:.0f} s", float("inf"))
+    t, y = times[valid], kelvin[valid]
+    if y.size < 2 * GONE + 2:
+        return None
+    steps = np.diff(y)
+    far = np.flatnonzero(np.abs(steps) > _least(steps))
+    usual = float(np.median(np.diff(t)))
+    for k in far[::-1]:  # a spike comes back, a sensor that is off stays
+        before, after = y[(t > t[k] - STAYS) & (t <= t[k])], y[(t > t[k]) & (t <= t[k + 1] + STAYS)]
+        enough = min(before.size, after.size) >= 2 * GONE and t[-1] >= t[k + 1] + STAYS and t[k + 1] - t[k] < GONE * usual
+        if not enough or abs(float(np.median(after) - np.median(before))) < 0.7 * abs(steps[k]):
+            continue
+        if max(np.ptp(before), np.ptp(after)) < 0.5 * abs(steps[k]):  # else it jumps about, and what it reads is its noise
+            words = f"jumped by {short(float(steps[k]))} K between two readings at {t[k + 1]:.0f} s and stayed there"
+            return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
+    if y.size > 2 * STUCK and not steps[-STUCK:].any() and np.mean(steps[:-STUCK] != 0.0) > MOVING:
+        begin = int(np.flatnonzero(steps)[-1]) + 1
+        return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
+    return None
+
+
+@dataclass(frozen=True)
+class SuspectValue:
+    """A value that a fault would change: what it is, whose, its path, and what lower and higher mean."""
+
+    kind: str
+    whose: str
+    path: str
+    lower: str
+    higher: str
+
+
+PATHS: Final = {
+    "htc": ("air", "less air moves past it: look at the fan", "more air moves past it: look at the fan or a lid"),
+    "effective_htc": ("air", "less air moves past it: look at the fan", "more air moves past it: look at the fan or a lid"),
+    "htc.coefficient": ("air", "less air moves past it", "more air moves past it"),
+    "contact_conductance": ("joint", "conducts worse: a joint is lost or loose", "conducts better: something touches"),
+    "conductance": ("joint", "conducts worse: a joint is lost or loose", "conducts better: something touches"),
+    "resistance": ("joint", "conducts better: something touches", "conducts worse: a joint is lost or loose"),
+    "conductivity": ("heat path", "conducts worse", "conducts better"),
+}
+"""Field of a conductor -> kind, and what a lower and a higher value mean."""
+
+
+def suspects_of(network: Network) -> tuple[SuspectValue, ...]:
+    """Return the values that a fault would change, each once: conductors and powers."""
+    out: dict[str, SuspectValue] = {}
+    parameters = network.flat.parameters
+    for c in network.flat.conductors:
+        for name, words in PATHS.items():
+            if name in c.fields:
+                path = parameters.literal_behind(c.fields[name])
+                out.setdefault(path, SuspectValue(words[0], c.path, path, words[1], words[2]))
+                break
+    for load in network.flat.loads:
+        if load.node in network.nodes:
+            scale = f"scale.{load.path}"
+            out.setdefault(
+                scale, SuspectValue("power", load.path, scale, "heats less than logged or stated", "heats more than logged or stated")
+            )
+    return tuple(out.values())
+
+
+DRIVEN: Final = 1e-3
+"""Wiener noise on every node where nobody says how far the model can be trusted: 0.06 K in an hour. [K/s^0.5]"""
+UNSAID: Final = 0.05
+"""Noise of a reading where nobody said it. [K]"""
+WINDOW: Final = 2400.0
+"""How far back a fault is looked for. [s]"""
+BEGINNINGS: Final = (60.0, 120.0, 180.0, 300.0, 480.0, 780.0, 1260.0, 2100.0)
+"""Before now, when a fault may have begun. [s]"""
+CLOSER: Final = 12
+"""Further beginnings that are tried about the best one."""
+CERTAIN: Final = 20.0
+"""Rise of the log-likelihood from which a fault is named: chance makes one in 2e8 of a single question, and a day of looks asks 1e5."""
+CLEARER: Final = 2.0
+"""By how much the named one must exceed that of every other kind; closer ones are named together."""
+CHANGE: Final = 1.0
+"""By which a suspected value is changed either way for its signature, of its logarithm."""
+CONFIRMED: Final = 90.0
+"""How long what the model's suspects explain must last before it is named: a sensor that jumps looks like anything at first. [s]"""
+MOST: Final = 4000
+"""Rows of the log that are kept for the advice; of more, neighbours are merged, so that memory stays flat."""
+
+
+@dataclass(frozen=True)
+class NodeBand:
+    """A node, or what a noise adds, as the filter has it now: value and 95 % half-width [K], and whether a sensor reads it."""
+
+    name: str
+    value: float
+    half: float
+    measured: bool
+
+
+@dataclass(frozen=True)
+class WatchLook:
+    """What one look at a running test says.
+
+    Parameters
+    ----------
+    at : float                  Time of the last reading. [s]
+    advice : StopAdvice             Stop, wait or declined.
+    alarms : tuple of Alarm     What went wrong, the surest first.
+    nodes : tuple of NodeBand   Of a model; empty without one.
+    assumed : tuple of str      What nobody said and was taken.
+    """
+
+    at: float
+    advice: StopAdvice
+    alarms: tuple[Alarm, ...]
+    nodes: tuple[NodeBand, ...]
+    assumed: tuple[str, ...] = ()
+
+    def as_object(self) -> dict[str, Any]:
+        """Return it as one JSON line holds it."""
+        a = self.advice
+        return {
+            "at_s": self.at,
+            "advice": a.word,
+            "because": a.because,
+            "decisions": a.decisions,
+            "level": a.level,
+            "rule_holds_at_s": a.holds,
+            "remaining_s": None if a.holds is None else max(a.holds - self.at, 0.0),
+            "ends": {n: f.as_object() for n, f in a.ends.items()},
+            "nodes": {n.name: {"value_C": n.value - ICE_POINT, "half_K": n.half, "measured": n.measured} for n in self.nodes},
+            "alarms": [{"kind": m.kind, "suspect": m.suspect, "since_s": m.since, "because": m.because} for m in self.alarms],
+            "assumed": list(self.assumed),
+        }
+
+    def __str__(self) -> str:
+        """The alarms, the advice, where channels end, and what nobody measures."""
+        lines = [f"ALARM {m}" for m in self.alarms]
+        word = {"stop": "stop now", "wait": "wait", "declined": "declined"}[self.advice.word]
+        lines.append(f"after {duration_text(self.at)}: {word}: {self.advice.because}")
+        for f in self.advice.ends.values():
+            end = "declined" if f.declined else f"ends at {f.final}"
+            left = "" if f.holds is None else f"; rule '{f.rule.name}' in {duration_text(max(f.holds - self.at, 0.0))}"
+            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}")
+        for n in self.nodes:
+            if not n.measured:
+                lines.append(f"  {n.name} (not measured) {n.value - ICE_POINT:.2f} +- {short(n.half)} degC")
+        return "\n".join([*lines, *(f"  assumed: {a}" for a in self.assumed)])
+
+
+@dataclass
+class _Anchor:
+    """Where the filter stands at the beginning of the window: time [s] and belief."""
+
+    time: float
+    belief: Belief | None = None
+
+
+@dataclass
+class Watcher:
+    """A running test.
+
+    Parameters
+    ----------
+    stopping : Stopping     What decides when to stop.
+    channels : tuple        Temperatures that must end.
+    model : Model or None   Of the unit; without one nodes without sensors and faults of the unit are not known.
+    scenario : Scenario     What the log does not say: constant boundaries, powers, starts.
+    driven : float          Wiener noise on every node. [K/s^0.5]
+    """
+
+    stopping: Stopping
+    channels: tuple[str, ...]
+    model: Model | None = None
+    scenario: Scenario | None = None
+    driven: float = DRIVEN
+    _anchor: _Anchor | None = field(default=None, init=False, repr=False)
+    _since: float | None = field(default=None, init=False, repr=False)
+    _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
+
+    def look(self, record: Record) -> WatchLook:
+        """Return what a log says by now.
+
+        Parameters
+        ----------
+        record : Record     The log from when conditions last changed, its channels bound to the model's nodes.
+        """
+        off = sensor_alarms(record, self.channels)
+        broken = {a.suspect for a in off}
+        kept = merged(record, MOST)
+        names = tuple(n for n in self.channels if n not in broken)
+        nodes, found = self._filtered(record, names) if self.model is not None and names else ((), [])
+        for a in (*off, *self._lasting(found, record, names)):
+            self._named.setdefault(f"{a.kind} {a.suspect}", a)
+        doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
+        doubt = doubt or ("readings are not what the model foresees; what is wrong is not known yet." if found else "")
+        settles = self._settles(record) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
+        advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
+        return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
+
+    def _assumed(self, record: Record) -> tuple[str, ...]:
+        if self.model is None:
+            return ("no model is given: faults of the unit and nodes without a sensor are not seen",)
+        silent = [n for n in self.channels if record.channel(n).noise is None]
+        noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K, as nobody said it"] if silent else []
+        return (f"the model is trusted to {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
+
+    def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
+        """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
+        now = float(record.times[-1])
+        if not found or self._named:
+            self._since = None
+            return []
+        if self._since is None:
+            self._since = now
+        return found if now - self._since >= CONFIRMED and not pending(record, names) else []
+
+    def _settles(self, record: Record) -> dict[str, float]:
+        """Return where the model settles with the inputs as they are now: channel -> temperature. [K]"""
+        assert self.model is not None
+        experiment = bind(self.model, record, self.scenario, errors={})
+        engine = Bench.of(experiment, ()).engine
+        a = engine.started(engine.wiring.assemble(gradients=False))
+        last = float(experiment.times[-1])
+        found, _ = settle(engine, a, last)
+        traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
+        return {o.sensor: float(traces.temperature(o.node)[0]) for o in experiment.observations if o.sensor in self.channels}
+
+    def _filtered(self, record: Record, names: Sequence[str]) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
+        """Return the nodes as they are now, and what the model's suspects explain."""
+        assert self.model is not None
+        if self._anchor is None:
+            self._anchor = _Anchor(float(record.times[0]))
+        others = [c for c in record.channels.values() if c.name in self.channels and c.name not in names]
+        part = record.trim(self._anchor.time, "end")
+        part = part.select(*(c for c in part.channels if c not in {o.name for o in others})) if others else part
+        window = _Window.of(self.model, part, self.scenario, self.driven, self._anchor.belief)
+        nodes, alarms = window.nodes(), window.alarms()
+        now = float(record.times[-1])
+        if now - self._anchor.time > 2.0 * WINDOW:
+            self._anchor = _Anchor(*window.belief_at(now - WINDOW - self._anchor.time, self._anchor.time))
+        return nodes, alarms
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The last stretch of a log, filtered."""
+
+    dynamics: Dynamics
+    suspects: tuple[SuspectValue, ...]
+    sigma: Array
+    passing: Passing
+    beliefs: tuple[Belief, ...]
+    errors: Array
+    variances: Array
+    times: Array
+
+    @classmethod
+    def of(cls, model: Model, record: Record, scenario: Scenario | None, driven: float, start: Belief | None) -> _Window:
+        """Return a stretch passed by the filter, from a belief or the start of the log."""
+        experiment = bind(model, record, scenario, errors={})
+        suspects = suspects_of(experiment.network)
+        bench = Bench.of(experiment, [s.path for s in suspects])
+        massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
+        noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
+        dynamics = Dynamics(bench, noises, {})
+        sigma = np.array([o.sigma({o.sensor: UNSAID}) for o in experiment.observations])
+        passing = Passing(dynamics, [_member(dynamics, suspects, sigma, driven)])
+        kept = passing.run(keep=True, begin=None if start is None else (0, start))
+        i = kept.innovations
+        return cls(dynamics, suspects, sigma, passing, kept.beliefs, i.errors[:, 0], i.variances[:, 0], i.times)
+
+    def nodes(self) -> tuple[NodeBand, ...]:
+        """Return the nodes at the end."""
+        last = self.beliefs[-1]
+        read = {o.seat for o in self.dynamics.experiment.observations}
+        sd = np.sqrt(last.variance[0])
+        return tuple(
+            NodeBand(n, float(m), 1.96 * float(s), n in read) for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
+        )
+
+    def belief_at(self, seconds: float, zero: float) -> tuple[float, Belief]:
+        """Return time in the log and belief at a time of the window."""
+        place = int(np.searchsorted(self.dynamics.grid, seconds))
+        return zero + float(self.dynamics.grid[place]), self.beliefs[place]
+
+    def alarms(self) -> list[Alarm]:
+        """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
+        end = float(self.dynamics.grid[-1])
+        backs = [0.0, *(back for back in BEGINNINGS if back < end)]
+        found = [a for back in backs[1:] for a in self._began(end - back)]
+        best = max(found, key=lambda a: a.gain, default=None)
+        if best is None or best.gain < CERTAIN:
+            return []
+        # a beginning that is wrong blames what acts later or sooner: look closer about the best
+        k = int(np.argmin(np.abs(np.array(backs) - (end - best.since))))
+        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], CLOSER + 2)[1:-1]:
+            found += self._began(end - float(back))
+        best = max(found, key=lambda a: a.gain)
+        alike = {a.suspect: a for a in found if a.gain > best.gain - CLEARER}
+        if len(alike) == 1:
+            return [best]
+        others = ", ".join(f"{a.kind} {a.suspect}" for a in alike.values() if a.suspect != best.suspect)
+        return [Alarm(best.kind, best.suspect, best.since, f"{best.because}; {others} would explain it as well", best.gain)]
+
+    def _began(self, since: float) -> list[Alarm]:
+        """Return what every suspect explains, had it changed at a time of the window. [s]"""
+        place = max(int(np.searchsorted(self.dynamics.grid, since)) - 1, 0)
+        names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.sigma.size))]
+        ways = [(name, sign) for name in names for sign in (-1.0, 1.0)]
+        driven = float(self.passing.members[0].sizes[0])
+        members = [_member(self.dynamics, self.suspects, self.sigma, driven, way) for way in (("", 0.0), *ways)]
+        belief = self.beliefs[place]
+        count = len(members)
+        several = Belief(np.repeat(belief.mean, count, axis=0), np.repeat(belief.root, count, axis=0))
+        run = Passing(self.dynamics, members).run(begin=(place, several))
+        errors, variances = run.innovations.errors, run.innovations.variances[:, 0]
+        if errors.shape[0] < 4:
+            return []
+        out = []
+        for k, way in enumerate(ways):
+            signature = errors[:, 0] - errors[:, 1 + k]
+            size = float(np.sum(signature**2 / variances))
+            if size < 1e-12:
+                continue
+            share = float(np.sum(signature * errors[:, 0] / variances)) / size
+            if share > 0.0:
+                out.append(self._alarm(way[0], way[1] * share, 0.5 * share**2 * size, since))
+        return out
+
+    def _alarm(self, way: str, share: float, gain: float, since: float) -> Alarm:
+        if way.startswith("sensor "):
+            o = self.dynamics.experiment.observations[int(way.removeprefix("sensor "))]
+            return Alarm("sensor", o.sensor, since, f"reads {short(abs(share))} K {'high' if share > 0 else 'low'}, or slipped", gain)
+        s = next(s for s in self.suspects if s.path == way)
+        return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
+
+
+def _member(
+    dynamics: Dynamics, suspects: Sequence[SuspectValue], sigma: Array, driven: float, changed: tuple[str, float] = ("", 0.0)
+) -> At:
+    """Return the dynamics at the model's values, one suspect changed either way."""
+    way, sign = changed
+    values = dynamics.wiring.network.numbers().values
+    x = []
+    for s in suspects:
+        base = 1.0 if s.path.startswith("scale.") else float(getattr(values[s.path], "value", values[s.path]))
+        x.append(base * (np.exp(sign * CHANGE) if s.path == way else 1.0))
+    bias = np.zeros(sigma.size)
+    if way.startswith("sensor "):
+        bias[int(way.removeprefix("sensor "))] = sign
+    count = len(dynamics.noises)
+    return dynamics.at(np.array(x), np.full(count, driven), np.full(count, np.inf), sigma, bias)
+
+
+def merged(record: Record, most: int) -> Record:
+    """Return a record of at most so many rows, means over equal steps where there are more."""
+    rows = record.times.size
+    return record if rows <= most else record.resample(float(record.times[-1] - record.times[0]) / most)
+
+
+def _no_reading(at: float) -> StopAdvice:
+    return StopAdvice("declined", "no sensor reads any more.", 0, 0.0, {}, None, at)
