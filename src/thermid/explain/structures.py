@@ -373,7 +373,7 @@ class _Searching:
         if self._late():
             return None
         try:
-            made = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start)
+            made = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start, self.until)
         except (ThermidError, np.linalg.LinAlgError) as error:
             self.refused.append((score.change.name, str(error)))
             return None
@@ -390,7 +390,7 @@ class _Searching:
                 for change in kept:
                     request = change.make(request)
                 try:
-                    made = fitted_structure(kept, request, best.fitted)
+                    made = fitted_structure(kept, request, best.fitted, until=self.until)
                 except (ThermidError, np.linalg.LinAlgError):
                     continue
                 self.done.append(made)
@@ -462,7 +462,11 @@ def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive:
 
 
 def fitted_structure(
-    changes: tuple[MissingElement, ...], request: Request, known: Mapping[str, float], start: Mapping[str, float] | None = None
+    changes: tuple[MissingElement, ...],
+    request: Request,
+    known: Mapping[str, float],
+    start: Mapping[str, float] | None = None,
+    until: float = math.inf,
 ) -> FittedStructure:
     """Fit one structure and hold out its readings in parts.
 
@@ -472,10 +476,11 @@ def fitted_structure(
     request : Request   With the changes.
     known : dict        Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
+    until : float       Monotonic time at which the fit is given up. [s]
 
     Raises
     ------
-    IdentificationError     When no reading depends on what is free.
+    IdentificationError     When its time is over, or it does not end.
     SolverError             When a record cannot be run.
     """
     problem = _loosely_held(build_problem(request))
@@ -485,7 +490,12 @@ def fitted_structure(
             at[k] = u.to_fitted(start[u.name])
         elif u.name in known:
             at[k] = known[u.name]
-    end = minimise(problem, request.loss, request.loss_scale, at, done=DONE)
+
+    def watch(count: int, rms: float) -> None:
+        if time.monotonic() > until:
+            raise IdentificationError("its fit takes longer than the search may.", request.name)
+
+    end = minimise(problem, request.loss, request.loss_scale, at, watch, DONE)
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     numbers = problem.experiments[0].network.numbers()
