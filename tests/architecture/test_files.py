@@ -44,6 +44,7 @@ NO_INPUT = {
     "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
     "thermid.qualify.plan": "the lock is carried on",
     "thermid.reporting.blocks.extras": "templates of the package, and what the browser printed",
+    "thermid.start.examples": "examples of the package",
     "thermid.studio.server": "scripts of the package",
 }
 

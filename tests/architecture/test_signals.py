@@ -14,6 +14,7 @@ WRITERS = {
     "thermid.simulation.solver.engine": "counts the samples that the kernel will meet, to choose a method",
     "thermid.interop.octave": "writes signals as Octave",
     "thermid.interop.spice": "writes signals as SPICE",
+    "thermid.interop.decks.written": "writes signals as SINDA and ESATAN",
     "thermid.interop.wired": "lists the corners of signals for both",
 }
 """Who takes signals apart to write them down for another program, and why."""

@@ -150,11 +150,8 @@ class Dynamics:
         """Return the times at which steps end: readings, and knots of inputs. [s]"""
         last = float(self.experiment.times[-1])
         knots = [np.zeros(1), self.experiment.times]
-        for name in self.wiring.used:
-            signal = self.wiring.signals[name]
-            if isinstance(signal, TableSignal):
-                jumps = np.concatenate([[True], np.diff(signal.values) != 0.0]) if signal.hold else np.ones(signal.times.size, dtype=bool)
-                knots.append(signal.times[jumps])
+        signals = (self.wiring.signals[name] for name in self.wiring.used)
+        knots += [signal.corners() for signal in signals if isinstance(signal, TableSignal)]
         grid = np.unique(np.concatenate(knots))
         grid = grid[(grid >= 0.0) & (grid <= last)]
         near = np.diff(grid, prepend=-np.inf) < 1e-9 * max(last, 1.0)

@@ -165,8 +165,11 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
         return Mistakes(name)
     if len(request.records) > MOST:
         request = _worst(request, fit, base)
-        fit = RoughFit.of(request)
-        base = fit.solve(fit.start(fit.named(base)))
+        try:
+            fit, before = RoughFit.of(request), fit.named(base)
+            base = fit.best(before, None)  # of fewer records an unknown of one may have another name
+        except ThermidError:
+            return Mistakes(name)
     known = hypotheses(request, fit, base)
     quick = [(h, _fitted(h, fit, base)) for h in known]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))

@@ -15,7 +15,7 @@ from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, IdentificationError, nearest
 from thermid.explain.candidates import Fitted, MissingElement, changes_of
 from thermid.explain.structures import StructureSearch, adopted, search_structure
-from thermid.files import may_write, unsealed, write_text
+from thermid.files import may_write, read_text, unsealed, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec, Request
@@ -106,7 +106,7 @@ def _writable(seen: Fitted) -> Sequence[MissingElement]:
 def _written(path: Path, stage: str, before: Request, after: Request) -> list[Path]:
     """Write the deck of the new structure and the campaign that takes it."""
     folder, campaign = path.parent / NEXT, path.with_name(f"{path.stem}_{NEXT}.toml")
-    document = tomlkit.parse(unsealed(path.read_text(encoding="utf-8")))
+    document = tomlkit.parse(unsealed(read_text(path)))
     table = next(t for t in document["stages"] if t["name"] == stage)
     deck = folder / Path(str(table["model"])).name
     table["model"] = f"{NEXT}/{deck.name}"

@@ -107,7 +107,9 @@ class TestRun:
     def test_text(self, campaign: Campaign) -> None:
         text = str(campaign)
         assert text.startswith("Two levels\n\nbox: 2 free parameters")
-        assert text.endswith("met")
+        met, *bands = text.splitlines()[-3:]
+        assert met.endswith("met")
+        assert all("95 % band" in line for line in bands)
 
     def test_notice(self, made: Path) -> None:
         seen: list[str] = []

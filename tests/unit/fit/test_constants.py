@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 import thermid as td
-from thermid.fit.calibrate import _by_instruments, mistakes, strange_powers
+from thermid.fit.calibrate import _by_instruments, strange_powers
 from thermid.fit.calibrate import fit as fitted_by
 from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
 from thermid.fit.problem.gather import build_problem
@@ -163,15 +163,6 @@ class TestWhatIsQuestioned:
     @pytest.mark.parametrize(("ratio", "asked"), [(4.9, False), (5.1, True), (1 / 4.9, False), (1 / 5.1, True)])
     def test_five_times_the_sheet_or_a_fifth_of_it(self, ratio: float, asked: bool) -> None:
         assert bool(far_from_sheet(box(), values(value(1.5 * ratio)))) is asked
-
-    @pytest.mark.parametrize(
-        ("misfit", "left", "named"), [(24.5, 0.01, False), (25.5, 0.01, True), (100.0, 0.098, True), (100.0, 0.102, False)]
-    )
-    def test_mistakes_are_looked_for_from_five_noises_on(self, misfit: float, left: float, named: bool) -> None:
-        """A mean square of 25 noises; a mistake is named where a tenth of it would be left."""
-        data = log(pair(), {}, {"A": "a.case", "B": "b.case"}, boundary="room")
-        request = Request(pair(), (data,), ("a.skin.effective_htc",))
-        assert bool(mistakes(request, None, misfit, lambda _: left * misfit)) is named  # type: ignore[arg-type]
 
     @pytest.mark.parametrize(("watts", "asked"), [(4.0 * 295, False), (4.0 * 305, True), (4.0 / 295, False), (4.0 / 305, True)])
     def test_powers_in_another_unit(self, watts: float, asked: bool) -> None:

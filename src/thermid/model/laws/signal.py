@@ -339,6 +339,11 @@ class TableSignal:
         times = drawn.times[turns]
         return np.asarray(times[(times >= 0.0) & (times <= end)])
 
+    def corners(self) -> Array:
+        """Return the times of its rows; of a held table those at which its value changes, the first included. [s]"""
+        changes = np.concatenate(([True], np.diff(self.values) != 0.0)) if self.hold else np.ones(self.times.size, dtype=bool)
+        return np.asarray(self.times[changes])
+
     def knots(self, begin: float, end: float) -> Array:
         """Return the times between which it is straight, over a stretch at least; a held value jumps within a moment. [s]"""
         times = self.drawn(end).times if self.after == "repeat" else self.times
