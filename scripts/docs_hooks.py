@@ -136,18 +136,20 @@ def _clean(text: str) -> str:
 
 
 DECISIONS = {
-    "model": "1 2 3 4 7 10 20 21 51 110 112 114 115 126 127 128 133 134 142 157 158",
-    "network and physics": "6 16 19 50 52 53 54 57 59 61 104 125 137 140 141",
-    "kernel and simulation": "5 18 22 24 25 26 27 29 30 31 32 62 75 96 97 98 103 129 130 131 132 135 136 150 151 156 160",
-    "measure": "12 35 37 101 102 145 146 147 148 149 165",
-    "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163",
+    "model": "1 2 3 4 7 10 20 21 51 110 112 114 115 126 127 128 133 134 142 157 158 193",
+    "network and physics": "6 16 19 50 52 53 54 57 59 61 104 125 137 140 141 191 192",
+    "kernel and simulation": "5 18 22 24 25 26 27 29 30 31 32 62 75 96 97 98 103 129 130 131 132 135 136 150 151 156 160 175",
+    "measure": "12 35 37 101 102 145 146 147 148 149 165 177",
+    "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163 185 186",
     "knowledge and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172",
-    "prediction and power": "34 46 49 121 122 124",
-    "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 166 171",
+    "prediction and power": "34 46 49 121 122 124 178 179 190",
+    "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189",
     "profiles, steadiness, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 167",
     "site": "58 60 139 159",
     "acquire": "71 73 80 81 90 92 164",
-    "interop": "23",
+    "interop": "23 194",
+    "estimation and watch": "180 181 182 183 184",
+    "start": "188",
     "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169",
 }
 """Rooms -> numbers of the decisions about them; what stands nowhere is about the project as a whole."""
