@@ -45,6 +45,7 @@ NO_INPUT = {
     "thermid.qualify.plan": "the lock is carried on",
     "thermid.reporting.blocks.extras": "templates of the package, and what the browser printed",
     "thermid.start.examples": "examples of the package",
+    "thermid.start.originals": "originals that were fetched, checked by their sums",
     "thermid.studio.server": "scripts of the package",
 }
 

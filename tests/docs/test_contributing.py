@@ -99,7 +99,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kinds = folder / "src" / "thermid" / "model" / "parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
     diagram = folder / "src" / "thermid" / "reporting" / "diagrams" / "diagram.py"
-    diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["style"]), encoding="utf-8")
+    diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["line-style"]), encoding="utf-8")
     for name, table, row in WALKS:
         walk = (ROOT / "tests" / "unit" / name).read_text(encoding="utf-8")
         (folder / Path(name).name).write_text(lengthened(walk, table, EXAMPLE[row], "\n}\n" if row == "example" else "\n    assert "))

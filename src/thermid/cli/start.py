@@ -146,7 +146,7 @@ def example(
     run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Copy a shipped example with its data into a new folder; published measurements are fetched, converted and checked."""
+    """Copy a shipped example with its data into a new folder; published measurements are fetched and checked."""
     if not name:
         rows = [{"name": e.name, "shows": e.shows, "data": e.data.words if e.data else ""} for e in EXAMPLES.values()]
         width = max(len(n) for n in EXAMPLES)

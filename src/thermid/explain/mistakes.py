@@ -112,6 +112,7 @@ class Mistakes:
     bad : bool                      Whether readings or deck are missed by more than honest models do.
     tried : int                     How many hypotheses were fitted.
     records : tuple of str          The records that were looked at: the worst ones of many.
+    failed : str            Why none were looked for; empty where they were.
     """
 
     stage: str
@@ -119,6 +120,7 @@ class Mistakes:
     bad: bool = False
     tried: int = 0
     records: tuple[str, ...] = ()
+    failed: str = ""
 
     @property
     def first(self) -> Mistake | None:
@@ -127,6 +129,8 @@ class Mistakes:
 
     def lines(self) -> list[str]:
         """Return what stands in the first lines of a fit."""
+        if self.failed:
+            return [f"mistakes in log or deck were not looked for: {self.failed}"]
         if self.first is None:
             return []
         out = [f"likely mistake: {self.first}. {self.first.remedy}"]
@@ -135,7 +139,8 @@ class Mistakes:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
-        return {"named": [m.to_dict() for m in self.named], "tried": self.tried, "records": list(self.records)}
+        out = {"named": [m.to_dict() for m in self.named], "tried": self.tried, "records": list(self.records)}
+        return out | ({"failed": self.failed} if self.failed else {})
 
 
 def find_mistakes(request: Request, stage: str = "") -> Mistakes:
@@ -153,7 +158,14 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
     1.5 % of what the sensor ranged over; it stands for what honest models miss.
     """
     name = stage or request.name or request.model.title
-    request = replace(request, loss="linear")
+    try:
+        return _found(replace(request, loss="linear"), name)
+    except ThermidError as error:  # a fit stands without its advice
+        return Mistakes(name, failed=str(error))
+
+
+def _found(request: Request, name: str) -> Mistakes:
+    """Return the mistakes of a request; see `find_mistakes`."""
     try:
         fit = RoughFit.of(request)
         base = fit.solve(fit.start())
@@ -165,11 +177,8 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
         return Mistakes(name)
     if len(request.records) > MOST:
         request = _worst(request, fit, base)
-        try:
-            fit, before = RoughFit.of(request), fit.named(base)
-            base = fit.best(before, None)  # of fewer records an unknown of one may have another name
-        except ThermidError:
-            return Mistakes(name)
+        fit, before = RoughFit.of(request), fit.named(base)
+        base = fit.best(before, None)  # of fewer records an unknown of one may have another name
     known = hypotheses(request, fit, base)
     quick = [(h, _fitted(h, fit, base)) for h in known]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))

@@ -364,7 +364,8 @@ def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     acting = {n for e in problem.experiments for n in _acting(e)}
     fixed = {p for e in problem.experiments for p in driven(e.network.flat, e.scenario)}
     every = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
-    names = {n: group for n, group in every.items() if n not in fixed}
+    # a sensor that is a node of its own is an instrument: no other kind of run of the hardware has it
+    names = {n: group for n, group in every.items() if n not in fixed and not any(p.startswith("sensor_") for p in n.split("."))}
     if not names:
         return None
     runs = _runs(fit, problem, names, misfit)

@@ -474,10 +474,13 @@ class Budget:
         kind : str          That of the scenario; of one that was fitted, the fit has followed a part.
         tied : dict         Fitted value -> others that share it.
         """
-        fixed = driven(compile_network(self.model).flat, self.scenario)
+        flat = compile_network(self.model).flat
         names = list(seen.directions)
-        sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
         free, moved = seen.response()
+        # a sensor that is a node of its own has values too, which the predicted model does not hold
+        alien = {n for n in (*names, *free) if "sensor_" in n and n not in flat.parameters.table}
+        fixed = driven(flat, self.scenario) | alien
+        sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
         gain = np.diag(sizes)
         if kind in moved:
             rows = [names.index(n) for n in free if n in names]

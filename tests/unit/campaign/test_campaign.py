@@ -109,7 +109,8 @@ class TestRun:
         assert text.startswith("Two levels\n\nbox: 2 free parameters")
         verdict = text[text.index("pair on ") :].splitlines() if "pair on " in text else text.splitlines()
         assert any(line.endswith(": met") for line in verdict)
-        assert "95 % band" in verdict[-1]
+        assert [line.split()[0] for line in verdict if "95 % band" in line] == ["T_A", "T_B"]
+        assert verdict[-1].startswith("  worst stretch: T_B from ")
 
     def test_notice(self, made: Path) -> None:
         seen: list[str] = []

@@ -26,6 +26,8 @@ SHORTEST: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
 FEWEST: Final = 8
 """Readings below which a stretch has no rate and no mean with an error."""
+ENOUGH: Final = 30.0
+"""Independent readings in a window from which their own correlation gives the error of a mean; with fewer, longer times may hide in it."""
 CORRELATED: Final = 0.5
 """Share of the readings that they must be worth as independent ones to count as white."""
 SURE: Final = 2.0
@@ -236,12 +238,12 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
             inner = x.T @ inverse @ x
             left = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
             square = float(left @ inverse @ left)
-            likely.append(-0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(square)))
+            likely.append(-0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny))))
             # Student's distribution is wider than the normal one
             errors.append(np.diag(taken @ noise @ taken.T) * square / max(free - 2.0, 1.0))
     weight = np.exp(np.array(likely) - max(likely))
     # of logarithms, so that an unlikely time of hours does not decide
-    level, rate = np.exp(0.5 * (weight @ np.log(errors)) / weight.sum())
+    level, rate = np.exp(0.5 * (weight @ np.log(np.maximum(errors, np.finfo(float).tiny))) / weight.sum())
     return line._replace(error=max(float(level), line.error), rate_error=max(float(rate), line.rate_error))
 
 
@@ -501,9 +503,11 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     y, t = channel.values[inside][valid], times[valid]
     place = f"{where}, {channel.name}"
     thermal = channel.quantity == "temperature"
-    step = step_of(channel) if thermal else channel.resolution or 0.0
+    # a boundary that never moves was set, as a fit takes it too; its last digit is no step of a sensor
+    was_set = channel.role == "boundary" and channel.resolution is None and not np.ptp(y)
+    step = step_of(channel) if thermal and not was_set else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, place, "mean")
-    if line.worth < CORRELATED * y.size and line.scatter > 0.5 * step and line.scatter > 0.0:
+    if line.worth < min(CORRELATED * y.size, ENOUGH) and line.scatter > 0.5 * step and line.scatter > 0.0:
         line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
     if thermal and abs(line.rate) - SURE * line.rate_error > most:
         raise RecordError(
