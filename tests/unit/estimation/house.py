@@ -111,7 +111,7 @@ def drawn(truth: Truth, seed: int, count: int = 240, every: float = 1800.0, nois
     return Case(truth, record, scenario, states)
 
 
-def estimate(case: Case, **more: Any) -> td.Estimation:
+def estimate(case: Case, **more: Any) -> Estimation:
     """Return the estimation of a case from values that are off."""
     off = {n: v * f for (n, v), f in zip(case.truth.values.items(), (0.7, 1.4, 1.3, 0.7), strict=True)}
     asked = {"process_noise": {"wall": {"start": "1e-3 [K/s^0.5]"}}, "start_sd": {"wall": "0.1 [K]", "indoor": "0.1 [K]"}} | more

@@ -34,7 +34,7 @@ FIGURES = {
 
 
 @pytest.fixture(scope="module")
-def found() -> td.Estimation:
+def found() -> Estimation:
     folder = os.environ.get("THERMID_PUBLIC")
     path = Path(folder or "") / FILE
     if not folder or not path.is_file():
@@ -59,14 +59,14 @@ def found() -> td.Estimation:
 
 
 @pytest.mark.parametrize("name", list(FIGURES))
-def test_value_and_error(found: td.Estimation, name: str) -> None:
+def test_value_and_error(found: Estimation, name: str) -> None:
     value, error = FIGURES[name]
     one = found.process.found[name]
     assert abs(one.value - value) < 0.2 * error
     assert one.error == pytest.approx(error, rel=0.15)
 
 
-def test_innovations_are_white_and_output_error_predicts_better(found: td.Estimation) -> None:
+def test_innovations_are_white_and_output_error_predicts_better(found: Estimation) -> None:
     """From the start and over a day left out the run without process noise is nearer; by one-step likelihood it would never be chosen."""
     assert all(w.white for w in found.process.white)
     assert found.ratio > 500

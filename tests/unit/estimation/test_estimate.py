@@ -10,6 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, ThermidError
+from thermid.estimation.estimation import Estimation
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import model_from_dict
 from unit.fit.bench import box, log
@@ -25,11 +26,11 @@ def case() -> Case:
 
 
 @pytest.fixture(scope="module")
-def found(case: Case) -> td.Estimation:
+def found(case: Case) -> Estimation:
     return estimate(case, horizon="12 [h]")
 
 
-def test_values_are_found_within_their_errors(found: td.Estimation) -> None:
+def test_values_are_found_within_their_errors(found: Estimation) -> None:
     truth = {**TRUTH.values, "noise of wall": TRUTH.sigma_w, "reading noise of indoor": TRUTH.sigma_v}
     for name, value in truth.items():
         one = found.process.found[name]
@@ -38,7 +39,7 @@ def test_values_are_found_within_their_errors(found: td.Estimation) -> None:
     assert all(w.white for w in found.process.white)
 
 
-def test_output_error_is_told_beside_it(found: td.Estimation) -> None:
+def test_output_error_is_told_beside_it(found: Estimation) -> None:
     """Without process noise the readings are not white, and the ratio says that something drives the wall."""
     assert not any(w.white for w in found.output.white)
     assert found.ratio > 100
@@ -50,7 +51,7 @@ def test_output_error_is_told_beside_it(found: td.Estimation) -> None:
         assert word in text
 
 
-def test_the_choice_is_what_foresees_left_out_readings(found: td.Estimation) -> None:
+def test_the_choice_is_what_foresees_left_out_readings(found: Estimation) -> None:
     assert found.process.left_out is not None
     assert found.output.left_out is not None
     better = min((found.process, found.output), key=lambda e: e.left_out.rmse if e.left_out else np.inf)
@@ -59,14 +60,14 @@ def test_the_choice_is_what_foresees_left_out_readings(found: td.Estimation) -> 
     assert td.compile_network(found.fitted_model).numbers().values["Ro"] == pytest.approx(found.values["Ro"].value)
 
 
-def test_bands_carry_the_noise(found: td.Estimation) -> None:
+def test_bands_carry_the_noise(found: Estimation) -> None:
     """What drives the wall makes the band of what is foreseen wide; without it, it is far too narrow."""
     assert found.process.left_out is not None
     assert found.output.left_out is not None
     assert found.process.left_out.inside > 0.85
 
 
-def test_hidden_wall_is_inside_its_smoothed_band(case: Case, found: td.Estimation) -> None:
+def test_hidden_wall_is_inside_its_smoothed_band(case: Case, found: Estimation) -> None:
     states = found.states()
     mean, sd = states["wall"]
     assert np.mean(np.abs(mean - case.states[:, 0]) < 1.96 * sd) > 0.85
@@ -75,7 +76,7 @@ def test_hidden_wall_is_inside_its_smoothed_band(case: Case, found: td.Estimatio
     assert later[0][-1] == pytest.approx(mean[-1], abs=1e-9)
 
 
-def test_it_is_json(found: td.Estimation) -> None:
+def test_it_is_json(found: Estimation) -> None:
     there = json.loads(json.dumps(found.as_object()))
     assert there["chosen"] == found.chosen.name
     assert there["estimators"]["process noise"]["values"]["Ro"]["unit"] == "K/W"
@@ -93,7 +94,7 @@ def test_noise_that_is_not_there_goes_to_zero() -> None:
         assert abs(done.process.found[name].value - value) < 4 * done.output.found[name].error
 
 
-def test_a_value_that_hangs_on_the_noise_is_named(found: td.Estimation) -> None:
+def test_a_value_that_hangs_on_the_noise_is_named(found: Estimation) -> None:
     errors = {n: f.error for n, f in found.process.found.items()}
     for name in VALUES:
         apart = abs(np.log(found.process.found[name].value / found.output.found[name].value)) * found.process.found[name].value

@@ -238,7 +238,9 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
             inner = x.T @ inverse @ x
             left = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
             square = float(left @ inverse @ left)
-            likely.append(-0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny))))
+            likely.append(
+                -0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny)))
+            )
             # Student's distribution is wider than the normal one
             errors.append(np.diag(taken @ noise @ taken.T) * square / max(free - 2.0, 1.0))
     weight = np.exp(np.array(likely) - max(likely))
