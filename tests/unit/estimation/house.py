@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import thermid as td
+from thermid.estimation.estimation import Estimation
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import TableSignal

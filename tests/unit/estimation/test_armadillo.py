@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.estimation.estimation import Estimation
 from thermid.model.laws.signal import TableSignal
 
 from .house import ICE, house
