@@ -68,6 +68,7 @@ _PUBLIC = {
     "calibrate": "fit.calibrate",
     "Calibration": "fit.calibration",
     "estimate": "estimation.estimate",
+    "Estimation": "estimation.estimation",
     "split": "prediction.split",
     "Split": "prediction.split",
     "energy_balance": "explain.balance",

@@ -16,6 +16,7 @@ from thermid.design.next_test import next_test as next_test
 from thermid.errors import ThermidError as ThermidError
 from thermid.errors import ThermidWarning as ThermidWarning
 from thermid.estimation.estimate import estimate as estimate
+from thermid.estimation.estimation import Estimation as Estimation
 from thermid.explain.balance import EnergyBalance as EnergyBalance
 from thermid.explain.balance import energy_balance as energy_balance
 from thermid.explain.criticism import Criticism as Criticism

@@ -27,7 +27,7 @@ from thermid.network.medium import Media
 from thermid.network.network import Network
 from unit.results import numbers, of_a_fit, of_a_run, that_take_longer
 
-ELSEWHERE = {"Evidence", "HoldQuestion", "Study", "Alignment", "Posterior", "Equations"}
+ELSEWHERE = {"Estimation", "Evidence", "HoldQuestion", "Study", "Alignment", "Posterior", "Equations"}
 """What takes seconds to make, some of it in the campaign below, and what is read from a folder of files."""
 
 
