@@ -438,6 +438,7 @@ def _spread_out(population: Population) -> Array:
 def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:
     """Return what the ends of all descents say: in words, and remarks on other values that fit as well."""
     error = _errors(problem, best)
+    error = np.where(error > 0.0, error, np.inf)  # a value without an error, at a bound, does not separate ends
     same = [bool((np.abs(f.fitted - best.fitted) <= 0.5 * error).all()) for f in ends]
     words = f"{len(ends)} descents, {sum(same)} of which ended at the same values"
     others = [f for f, s in zip(ends, same, strict=True) if not s]
