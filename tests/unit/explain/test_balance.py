@@ -24,6 +24,7 @@ class TestPoint:
     def test_alone_gives_the_coefficient_and_its_error(self) -> None:
         point = bench().steady("5 [h]", "end", tau=5400.0)
         fit = td.calibrate(box(), point.record, [HTC], scenario=td.Scenario("s", start="steady"))
+        assert point["ROOM"].error == 0.0  # a room that never moved was set: the rounding of its mean is no error
         rise = point["T"].value - point["ROOM"].value
         assert fit[HTC].value == pytest.approx(4.0 / (0.05 * rise), rel=1e-6)
         error = np.hypot(np.hypot(point["T"].error, 0.3) / rise, 0.05 / 4.0)

@@ -198,8 +198,9 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what
     if y.size < FEWEST or np.ptp(t) <= 0:
         raise RecordError(f"{y.size} readings lie in the window; {FEWEST} are needed for a {what} with its error.", where)
     x = t - t.mean()
-    rate = float(x @ y / (x @ x))
-    residuals = y - y.mean() - rate * x
+    moved = y - y[0]  # exactly zero where nothing moves: rounding of a mean is no scatter
+    rate = float(x @ moved / (x @ x))
+    residuals = moved - moved.mean() - rate * x
     worth = effective_samples(residuals)
     factor = y.size / worth
     scatter = float(np.sqrt(residuals @ residuals / (y.size - 2.0 * factor)))
@@ -208,7 +209,8 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what
     error = scatter / worth**0.5 * (free / (free - 2.0)) ** 0.5
     # steps of a sensor that noise does not blur hide a change of up to one step between both ends of the window
     hidden = step / 6.0**0.5 / float(np.ptp(t)) if scatter < 0.5 * step else 0.0
-    return _Line(rate, float(np.hypot(error / float(np.std(t)), hidden)), float(y.mean() + rate * (at - t.mean())), error, scatter, worth)
+    level = float(y[0] + moved.mean() + rate * (at - t.mean()))
+    return _Line(rate, float(np.hypot(error / float(np.std(t)), hidden)), level, error, scatter, worth)
 
 
 MEANS, TIMES, RATIOS = 60, 8, 10
