@@ -113,7 +113,7 @@ def curve(
     columns = np.array(points).T
     x, y, *slope = (np.ascontiguousarray(c) for c in columns)
     if (interpolation == "smooth" or slope) and (np.diff(x) == 0.0).any():
-        raise DeckError("two points at one temperature are a step, which a smooth table does not have; leave out the slopes.", where)
+        raise DeckError("the table has a step (two points at one temperature), so it cannot have slopes. Leave out the slopes.", where)
     return Curve(over, x, y, slope[0] if slope else None, (), source, basis, interpolation, outside)
 
 

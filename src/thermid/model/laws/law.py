@@ -55,9 +55,9 @@ def law(
     slot = "temperature" if over == "temperature" else "K"
     low, high = (literal(b, slot, "law, between") if isinstance(b, str) else float(b) for b in between)
     if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):
-        raise DeckError(f"between {low:g} K and {high:g} K there is no range; give the lower end first.", "law, between")
+        raise DeckError(f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between")
     if not 1e-12 <= tolerance < 1.0:
-        raise DeckError(f"a tolerance of {tolerance:g} cannot be kept; give one from 1e-12 up.", "law, tolerance")
+        raise DeckError(f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.", "law, tolerance")
     asked = _Asked(function)
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
     knots, values, slopes = _refined(asked, x, tolerance)
@@ -84,7 +84,9 @@ class _Asked:
         found = np.broadcast_to(found, at.shape)
         bad = ~np.isfinite(found)
         if bad.any():
-            raise DeckError(f"the function is {found[bad][0]} at {at[bad][0]:.9g} K. Mend it there, or choose another range.", "law")
+            raise DeckError(
+                f"the function is {found[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.", "law"
+            )
         return found
 
     def _one(self, x: float) -> float:
@@ -158,7 +160,7 @@ def _refuse_jumps(asked: _Asked, x: Array, sharp: Indices, largest: float) -> No
         left = abs(values[1] - values[0])
         if left > 0.5 * change and left > 1e-9 * largest:
             raise DeckError(
-                f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}; a law must be continuous."
-                " Join both sides over a few hundredths of a kelvin, or use a thermostat.",
+                f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}. A law must be continuous. Connect "
+                "both sides over a few hundredths of a kelvin, or use a thermostat.",
                 "law",
             )

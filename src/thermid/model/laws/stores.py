@@ -78,12 +78,12 @@ def tabulated(name: str, given: Curve, where: str) -> Curve:
     DeckError   When it is not over temperature, or holds values that no material has.
     """
     if given.over != "temperature":
-        raise DeckError(f"{name} is a table over temperature.", where)
+        raise DeckError(f"{name} must be a table over temperature.", where)
     if given.x[0] <= COLDEST or given.x[-1] >= HOTTEST:
-        raise DeckError(f"{name} is a table between {COLDEST:g} and {HOTTEST:g} K.", where)
+        raise DeckError(f"the points of {name} must lie between {COLDEST:g} and {HOTTEST:g} K.", where)
     if name == "enthalpy" and (np.diff(given.y) <= 0.0).any():
         k = int(np.argmax(np.diff(given.y) <= 0.0))
-        raise DeckError(f"an enthalpy grows with temperature; it does not from {given.x[k]:.6g} to {given.x[k + 1]:.6g} K.", where)
+        raise DeckError(f"an enthalpy must increase with temperature; it does not from {given.x[k]:.6g} to {given.x[k + 1]:.6g} K.", where)
     if name == "enthalpy" and (np.diff(given.x)[[0, -1]] == 0.0).any():
         raise DeckError("an enthalpy needs a point below and a point above the temperature at which it melts.", where)
     if name != "enthalpy" and (given.y <= 0.0).any():
@@ -112,7 +112,7 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
         raise DeckError("specific heats and the latent heat of a node that melts must be above zero.", where)
     low, high = 1.5 * COLDEST, HOTTEST - 1.0
     if not low < begins <= ends < high:
-        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K cannot be; melts_to lies at or above melts_from.", where)
+        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K is not possible. Give melts_to at or above melts_from.", where)
     solid = heat * (begins - low)
     molten = solid + latent + 0.5 * (heat + liquid) * (ends - begins)
     return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
@@ -184,7 +184,10 @@ def store(name: str, given: Curve) -> HeatStore:
         x, y, d = _integral(given)
         reference = float(value_and_slope(given, np.clip([ROOM], x[0], x[-1]))[0][0])
     if not (d > 0.0).all():
-        raise DeckError(f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; a temperature has no enthalpy of its own there.")
+        raise DeckError(
+            f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "
+            "table or its slopes there."
+        )
     x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
     y, d = COLDEST + (y - y[0]) / reference, d / reference
     rise = Curve("temperature", x, y, d)

@@ -129,7 +129,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
-        refuse_unknown([place], known, model.title, f"no submodel or parameter '{raw}' to be cut.", NameNotFoundError)
+        refuse_unknown([place], known, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
         cuts[place], layers = None, _cut_layers(layers, place)
     return replace(model, cuts=tuple(cuts), layers=layers)
 
