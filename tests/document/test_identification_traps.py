@@ -126,7 +126,7 @@ def test_without_a_path_for_the_heat_only_the_rate_of_warming_shows(part: td.Mod
 
 
 def test_a_coefficient_of_air_is_not_carried_into_vacuum_as_it_is(part: td.Model) -> None:
-    with pytest.raises(td.ThermidError, match=r"'skin' is effective: it contains radiation, which vacuum does not take away"):
+    with pytest.raises(td.ThermidError, match=r"'skin' is effective: it includes radiation, which remains in vacuum\. Give the"):
         td.simulate(part, bench().vacuum())
 
 

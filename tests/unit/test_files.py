@@ -194,7 +194,7 @@ def test_what_a_command_read_is_not_written_over(tmp_path: Path) -> None:
                     may_write(target, DECK)
                 read(one)
                 for target in (path, link, twin):
-                    with pytest.raises(OutputError, match="this command reads it"):
+                    with pytest.raises(OutputError, match=r"\. Give 0 to 1\."):
                         write_text(target, "b = 2\n", DECK)
     with command(force=True):
         read_text(path)

@@ -160,7 +160,7 @@ def test_nothing_changes_there_is_not_said_of_a_node_that_falls_by_50_k() -> Non
     )
     assert run["a"].celsius[-1] == pytest.approx(50.0, abs=1e-3)
     (said,) = [w for w in run.warnings if "no path" in w]
-    assert said == "'a', 'b' have no path to a boundary: the heat that is there stays there"
+    assert said == "'a', 'b' have no path to a boundary, so its heat is never removed. Connect"
 
 
 def test_a_stream_that_leaves_cools_nothing_upstream() -> None:

@@ -209,9 +209,9 @@ def before(place: str, text: str) -> tuple[str, str]:
 
 BAD = [
     # what is changed, into what, the text whose line the message must have, the words
-    ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is no field here\. Did you mean 'free'"),
-    ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is no field here\. Did you mean 'title'"),
-    ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is no field here\. Did you mean 'get'"),
+    ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is not a field here\. Did you mean 'free'"),
+    ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is not a field here\. Did you mean 'title'"),
+    ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is not a field here\. Did you mean 'get'"),
     ('model   = "pair.toml"\n', "", STAGES, r"stages\.1\.model: is missing"),
     (
         'stage = "box", as',
@@ -267,7 +267,7 @@ BAD = [
     (*before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'), STAGES, r"not node, noise"),
     (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
-    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is no field here"),
+    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is not a field here\."),
     (
         *before(PAIRS, '[checksums]\nbox_bensch = "00"'),
         None,

@@ -38,10 +38,10 @@ class TestCheck:
         said = call("check", deck, "--json")
         assert (said.code, said.err) == (2, "")
         assert said.object["where"] == "deck.toml:3, nodes.case.mas"
-        assert said.object["message"] == "'mas' is no field here. Did you mean 'mass'?"
+        assert said.object["message"] == "'mas' is not a field here. Did you mean 'mass'?"
         plain = call("check", deck)
         assert (plain.code, plain.out) == (2, "")
-        assert plain.err == "error: deck.toml:3, nodes.case.mas: 'mas' is no field here. Did you mean 'mass'?\n"
+        assert plain.err == "error: deck.toml:3, nodes.case.mas: 'mas' is not a field here. Did you mean 'mass'?\n"
 
     def test_a_deck_that_can_be_read_and_not_used(self, call: Call, tmp_path: Path) -> None:
         deck = tmp_path / "deck.toml"

@@ -60,7 +60,7 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
     said = call("import", script, "--to", deck)
     assert said.code == 2
     assert said.err.startswith(
-        f"error: {deck}: a file is there already that thermid did not write as deck Acc, or that was changed since. Give another name"
+        f"error: {deck}: this file exists already. It was not written by thermid as deck Acc, or was changed since. Give another name"
     )
     assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
 

@@ -122,7 +122,7 @@ def test_words_that_mean_nothing_are_refused() -> None:
         ({"each": "1 [K]", "kinds": ["stedy"]}, r"Did you mean 'steady'\?"),
         ({"eech": "1 [K]"}, r"Did you mean 'each'\?"),
         ({"each": "1 [K]", "share": 0.0}, "above 0 and up to 1"),
-        ({"each": "1 [K]", "mark": "heard"}, "is no mark"),
+        ({"each": "1 [K]", "mark": "heard"}, "is not a mark; use one of"),
     ):
         with pytest.raises(ScenarioError, match=word):
             Criteria.read(table, "plan.toml", "ours")

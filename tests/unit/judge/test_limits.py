@@ -94,7 +94,7 @@ def test_limits_from_memory_decide_nothing() -> None:
         ),
         ({"operating": (250.0, 350.0), "non_operating": (240.0, 340.0)}, "the upper operating limit, 76.9 degC, lies beyond"),
         ({"operating": (250.0, 330.0), "non_operating": (240.0, 340.0), "start_up": (230.0, 330.0)}, "the lower start-up limit"),
-        ({"operating": (250.0, 330.0), "mark": "heard"}, "'heard' is no mark"),
+        ({"operating": (250.0, 330.0), "mark": "heard"}, "'heard' is not a mark; use one of"),
     ],
 )
 def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], word: str) -> None:

@@ -98,7 +98,10 @@ def test_messages(action, message):
     [
         (lambda r: r.median("4 [K]"), "median, window: '[K]' is a temperature difference; a time [s] is needed here."),
         (lambda r: r.trim("4 [m]"), "trim: '[m]' is a length; a time [s] is needed here."),
-        (lambda r: r.flag_spikes("3 [degC]", 2), "'[degC]' is a temperature on the scale; a difference is needed here. Write it in [K]."),
+        (
+            lambda r: r.flag_spikes("3 [degC]", 2),
+            "'[degC]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",
+        ),
         (lambda r: r.flag_faults(low="3 [W]"), "faults, low: '[W]' is a power; a temperature [degC] or [K] is needed here."),
     ],
 )

@@ -189,12 +189,13 @@ def test_noise_given_twice(log):
             "bench.csv, column 'T1': '[degC]' is a temperature difference; a power [W] is needed here.",
         ),
         ("T1 [grad]", {"node": "a"}, {}, "bench.csv, column 'T1': '[grad]' is a plain number; a temperature [degC] or [K] is needed here."),
-        ("T1 [left]", {"node": "a"}, {}, "bench.csv, column 'T1': '[left]' is no unit that is known here."),
+        ("T1 [left]", {"node": "a"}, {}, "bench.csv, column 'T1': '[left]' is not a known unit."),
         (
             "T1",
             {"node": "a"},
             {"noise": {"T1": "0.3 [degC]"}},
-            "bench.csv, column 'T1', noise: '[degC]' is a temperature on the scale; a difference is needed here. Write it in [K].",
+            "bench.csv, column 'T1', noise: '[degC]' is a temperature in degC or degF; a temperature difference is needed here. "
+            "Write it in [K].",
         ),
         (
             "T1",

@@ -146,11 +146,11 @@ def test_ranges_and_gas_at_rest_are_said() -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"tilt": "0 [deg]"}, "has tilt"),
-        ({"aspect": "4"}, "has tilt"),
-        ({"tilt": "190 [deg]", "aspect": "4"}, "a tilt from 0 to 180"),
-        ({"tilt": "flat", "aspect": "4"}, "'flat' is no angle"),
-        ({"tilt": "0", "aspect": "0.2"}, "an aspect of 1 or more"),
+        ({"tilt": "0 [deg]"}, "needs both tilt"),
+        ({"aspect": "4"}, "needs both tilt"),
+        ({"tilt": "190 [deg]", "aspect": "4"}, "the tilt of a gap must be"),
+        ({"tilt": "flat", "aspect": "4"}, "'flat' is not an angle. Write a number"),
+        ({"tilt": "0", "aspect": "0.2"}, "the tilt of a gap must be"),
         ({"convection_factor": 1.1}, "belongs to a gap that convects"),
     ],
 )

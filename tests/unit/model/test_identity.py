@@ -124,7 +124,7 @@ def test_a_cut_changes_no_number(part: Build) -> None:
     model = row(part())
     assert ParameterSet(model.cut("x", f"y.{MASS}")).evaluate({}) == ParameterSet(model).evaluate({})
     assert model.cut("x").identity() != model.identity()
-    with pytest.raises(NameNotFoundError, match=r"no submodel or parameter 'u' to be cut"):
+    with pytest.raises(NameNotFoundError, match=r"cut names 'u', which is not a submodel"):
         model.cut("u")
 
 

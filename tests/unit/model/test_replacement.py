@@ -59,7 +59,7 @@ def test_a_deck_of_six_watts_means_six_watts(part: Build) -> None:
     ]
     assert what.assumes == (
         "Hot has the values of its deck",
-        "z.skin.htc is what it was with the old part, 3.8 [W/(m^2 K)] within 30 %",
+        "z.skin.htc is its value with the old part, 3.8 [W/(m^2 K)] within 30 %",
         "foot_z.contact_conductance is that of foot_x, 246 [W/(m^2 K)] within 25 %",
     )
     start = what.starting(swapped)

@@ -73,7 +73,9 @@ def test_temperature_in_a_slot_of_differences(part: Build) -> None:
     """No field of a deck is a difference; a sine of a signal is."""
     from thermid.model.laws.signal import signal
 
-    with pytest.raises(UnitError, match=r"'\[degC\]' is a temperature on the scale; a difference is needed here\. Write it in \[K\]\."):
+    with pytest.raises(
+        UnitError, match=r"'\[degC\]' is a temperature in degC or degF; a temperature difference is needed here\. Write it in \[K\]\."
+    ):
         signal({"mean": "24 [degC]", "amplitude": "3 [degC]", "period": "24 [h]"}, "temperature")
     with pytest.raises(UnitError, match="a difference is needed here"):
         part(
@@ -100,12 +102,12 @@ def test_millimetres_and_metres_are_the_same_values(part: Build) -> None:
 @pytest.mark.parametrize(
     ("given", "kind", "message"),
     [
-        ({"value": "3 [W]", "min": 5, "max": 2}, DeckError, "its minimum 5 is above its maximum 2. Bounds are never swapped silently."),
+        ({"value": "3 [W]", "min": 5, "max": 2}, DeckError, "its minimum 5 is above its maximum 2. Exchange the two bounds."),
         ({"value": "3 [W]", "min": "5 [m]"}, UnitError, "the bound '5 [m]' is a length; the value is a power."),
         ({"value": "3 [W]", "max": "p"}, DeckError, "the bound 'p' must be a number with a unit."),
         ({"value": "3 [W]", "max": float("nan")}, DeckError, "nan is no value."),
         ({"value": "3 [W]", "source": "guess"}, DeckError, "source 'guess' is none of published, datasheet, derived, assumed, measured."),
-        ({"value": "3 [W]", "mni": 2}, DeckError, "a parameter has value, min, max, source, note and basis, not mni."),
+        ({"value": "3 [W]", "mni": 2}, DeckError, "the keys of a parameter are value, min, max, source, note and basis; given: mni."),
         ({"min": 2}, DeckError, "not a table without value."),
         (True, DeckError, "True is no value. Write a text with a unit, '2.5 [W]', or a number."),
         (float("nan"), DeckError, "nan is no value."),

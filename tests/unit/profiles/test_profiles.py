@@ -119,7 +119,7 @@ def test_written_steps_are_saved_and_read(tmp_path):
         (lambda: unit_cycle(hot="-40 [degC]").check(), "does not lie below its hot level"),
         (lambda: td.profile_of("SMC-S-016", "vehicle thermal vacuum").steps, "its hot level is not known"),
         (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")), "does not lie below the highest"),
-        (lambda: unit_cycle(dwell={"value": "1 [h]", "mark": "heard"}), "'heard' is no mark"),
+        (lambda: unit_cycle(dwell={"value": "1 [h]", "mark": "heard"}), "'heard' is not a mark; use one of"),
         (lambda: unit_cycle().with_(steps=[{"nam": "x"}]).steps, "Did you mean 'name'"),
         (lambda: unit_cycle().with_(steps=[{"power": "half"}]).steps, "power is on or off"),
     ],

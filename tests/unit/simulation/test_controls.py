@@ -276,7 +276,7 @@ def test_a_deck_is_saved_and_read_again(tmp_path: Path) -> None:
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "two kinds": ({**CONTROLS["table"], "thermostat": {"on_below": "3 [degC]", "off_above": "4 [degC]"}}, "a control is one of"),
+    "two kinds": ({**CONTROLS["table"], "thermostat": {"on_below": "3 [degC]", "off_above": "4 [degC]"}}, "give a control exactly one"),
     "no node": ({"proportional": {"setpoint": "3 [degC]", "band": "2 [K]"}}, "follows a node"),
     "no such node": ({**CONTROLS["PI"], "follows": "plaet"}, "Did you mean 'plate'"),
     "weights": ({**CONTROLS["PI"], "follows": {"plate": 1, "radiator": 1}}, "sum to 2"),

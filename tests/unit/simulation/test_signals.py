@@ -311,7 +311,7 @@ def test_a_table_that_ends_before_the_run_is_refused_unless_it_is_said_what_hold
     """Before, a log of 1 h drove a run of 10 h with its last value, without a word."""
     rows = {"times": ["0 [h]", "1 [h]"], "values": ["20 [degC]", "60 [degC]"]}
     with pytest.raises(
-        ScenarioError, match=r"matrix, boundaries.air: it ends at 1 h and the run lasts 10 h. Say what holds beyond: after = 'hold'"
+        ScenarioError, match=r"matrix, boundaries.air: it ends at 1 h and the run lasts 10 h\. State the value beyond its end: after"
     ):
         td.simulate(box(), plain(boundaries={"air": rows}, duration="10 [h]"))
     held = td.simulate(box(), plain(boundaries={"air": rows | {"after": "hold"}}, duration="10 [h]"))
@@ -326,10 +326,10 @@ def test_a_table_that_ends_before_the_run_is_refused_unless_it_is_said_what_hold
     for wrong, why in (
         ({"after": "stop"}, "after is 'hold' or 'repeat'"),
         ({"after": "repeat"}, "ends where it begins"),
-        ({"after": "hold", "period": "2 [h]"}, "a period belongs to after"),
-        ({"after": "repeat", "period": "30 [min]"}, "over before the last row"),
+        ({"after": "hold", "period": "2 [h]"}, "a period applies to after"),
+        ({"after": "repeat", "period": "30 [min]"}, "the period ends before the"),
         ({"samples": "mean"}, "samples are 'instant' or 'average'"),
-        ({"samples": "average", "hold": True}, "leave hold out"),
+        ({"samples": "average", "hold": True}, "samples = 'average' implies"),
     ):
         with pytest.raises(ScenarioError, match=why):
             signal(rows | wrong, "temperature", "here")

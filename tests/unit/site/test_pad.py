@@ -241,8 +241,8 @@ def test_radiation_on_a_plane_comes_from_a_file_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("surface", "words"),
     [
-        ({"absorptance": None}, "stands in the sun and has no absorptance"),
-        ({"facing": None}, "nothing says where it looks"),
+        ({"absorptance": None}, "is in the sun but has no absorptance. Give"),
+        ({"facing": None}, "is outdoors but has no orientation."),
         ({"emissivity": None}, "has no emissivity"),
     ],
 )
