@@ -356,7 +356,7 @@ def discrepancy(fit: Calibration) -> Discrepancy:
     """
     kept = discrepancy_kept(fit.values)
     if kept is None:
-        raise IdentificationError("this calibration does not hold what its fit left open. Run it again.", fit.stage)
+        raise IdentificationError("this calibration does not include the data on its model discrepancy. Run the fit again.", fit.stage)
     return kept
 
 

@@ -185,7 +185,7 @@ def minimise(
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
-        return ended(problem, at, loss, loss_scale, message="nothing was free")
+        return ended(problem, at, loss, loss_scale, message="no parameter was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
     search = _Search(problem, loss, loss_scale, progress, done)
@@ -219,8 +219,8 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
         return arrived.x, str(arrived), True
     except np.linalg.LinAlgError:
         raise SolverError(
-            "the fit ran to values at which its derivatives are no numbers. Give its parameters min and max, or priors. Look at the log "
-            "too: a column, a unit or a node may be wrong.",
+            "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a "
+            "column, a unit or a node may be wrong.",
             "fit",
         ) from None
     return found.x, found.message, bool(found.success)
@@ -232,7 +232,7 @@ def ended(
     loss: str = "linear",
     loss_scale: float = 1.0,
     evaluations: int = 1,
-    message: str = "taken as it was",
+    message: str = "kept as it was",
     converged: bool = True,
 ) -> Fit:
     """Return the fit that ended at some values of the unknowns, with its derivatives."""
@@ -459,8 +459,8 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
         u = problem.unknowns[k]
         there, here = u.to_value(float(other.fitted[k])), u.to_value(float(best.fitted[k]))
         remarks.append(
-            f"other values fit as well: '{u.name}' could also be {there / here:.3g} times what is reported. "
-            "Give it a prior or tighter bounds."
+            f"other values fit equally well: '{u.name}' could also be {there / here:.3g} times the reported value. Give it a prior or "
+            "tighter bounds."
         )
     return words, tuple(dict.fromkeys(remarks))
 
@@ -527,7 +527,7 @@ def _adapted(population: Population, seed: int) -> Evolved:
     cma = package("cma", "covariance matrix adaptation", "search")
     size = population.at.size
     if size == 1:
-        raise IdentificationError("covariance matrix adaptation needs two parameters or more. Use search = 'multistart'.")
+        raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")
     # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
     options = {"bounds": [0.0, 1.0], "seed": seed, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
     strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)

@@ -313,7 +313,7 @@ class Move:
         if self.detectable_share == math.inf and math.isfinite(self.detectable):
             amount = self.detectable / float(unit(self.unit).factor)
             return f"a shift of {short(amount, 2)} {'K' if unit(self.unit).offset else self.unit} would be found with 90 % power"
-        return "it says nothing of this value"
+        return "this log does not determine the value"
 
     def __str__(self) -> str:
         """Return one line."""
@@ -406,8 +406,8 @@ class Moves:
         if not far:
             return []
         return [
-            f"moved from what the stage below found: {some(far, 'values')}. The parts do not behave in the assembly as they did alone, "
-            "or the stage below missed something."
+            f"significantly different from the stage below: {some(far, 'values')}. The parts behave differently in the assembly than "
+            "alone, or the stage below lacked physics. Check contacts, radiation and powers in the assembly."
         ]
 
 
