@@ -147,4 +147,4 @@ def test_H1_relative_humidity_alone_moves_no_verdict(tmp_path: Path) -> None:  #
         )
         found.append(td.foresee(td.Known(unit()), course))
     assert np.array_equal(found[0].prediction["proc"].kelvin, found[1].prediction["proc"].kelvin)
-    assert any("does not enter the classical equations" in w for w in found[0].prediction.warnings)
+    assert any("is not used: the equations contain no moisture." in w for w in found[0].prediction.warnings)

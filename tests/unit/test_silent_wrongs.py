@@ -143,7 +143,7 @@ def test_below_0_k_is_still_refused() -> None:
     with pytest.raises(td.ThermidError, match="below 0 K"):
         td.Scenario("space", boundaries={"space": "-1 [K]"}, start="300 [K]", duration="1 [h]")
     scenario = td.Scenario("space", boundaries={"space": "0 [K]"}, start="-1 [K]", duration="1 [h]")
-    with pytest.raises(SolverError, match="must not lie below 0 K"):
+    with pytest.raises(SolverError, match="a temperature fell below 0"):
         td.simulate(ball(), scenario)
 
 
@@ -181,11 +181,11 @@ def test_a_constant_load_does_not_grow_with_temperature(method: str) -> None:
     scenario = td.Scenario("space", boundaries={"space": "3 [K]"}, start="300 [K]", duration="100 [h]")
     with pytest.raises(SolverError) as caught:
         td.simulate(ball("-10 [W]"), scenario, options=td.Options(method=method))
-    assert "a negative power takes more than there is" in str(caught.value)
+    assert "no steady state exists: the equations are" in str(caught.value)
     assert "grows" not in str(caught.value)
     with pytest.raises(SolverError) as caught:
         td.steady(ball("-10 [W]"), scenario)
-    assert "negative power that takes more than can flow in" in str(caught.value)
+    assert "no steady state exists: the equations are singular." in str(caught.value)
 
 
 def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> None:

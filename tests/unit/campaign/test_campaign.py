@@ -576,7 +576,7 @@ def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
 def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:
     text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
     project.write_text(text, encoding="utf-8")
-    assert "it needs a load or command" in str(refused(project))
+    assert "prompt states that a power" in str(refused(project))
 
 
 def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:

@@ -171,7 +171,7 @@ def test_of_all_levels_nothing_is_left_out(campaign: Campaign) -> None:
     [
         ('[joint]\nstages = ["pear"]\n', r"no stage 'pear'\. Did you mean 'pair'"),
         ('[joint]\nfreeze = ["a.skin.effective_hts"]\n', r"'a\.skin\.effective_hts' is frozen, but nothing of that name is free\. Did you"),
-        ('[joint]\nfreeze = ["*.x"]\n', r"no parameter that can be freed matches '\*\.x'"),
+        ('[joint]\nfreeze = ["*.x"]\n', r"no parameter that can be fitted matches '\*\.x'\."),
         ('[joint]\npriors = { "b.power" = { sd = "1 [W]" } }\n', r"a prior is given for 'b\.power', which is not free"),
     ],
 )

@@ -38,7 +38,7 @@ class TestCommand:
         ("more", "word"),
         [
             (("--every", "0"), "above zero"),
-            (("--rule", "soon"), "is no rule of stability"),
+            (("--rule", "soon"), "is not a rule of stability."),
             (("--limit", "U=40"), "'U'"),
             (("--channel", "Q"), "Q"),
         ],

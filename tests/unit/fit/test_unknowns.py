@@ -214,7 +214,7 @@ class TestLocal:
             (
                 {"air": {"start": "24 [degC]", "spread": "1 [K]"}},
                 IdentificationError,
-                r"local\.air: a local value has start and sd, not spread",
+                r"local\.air: give a local value start and sd, not spread",
             ),
             ({"air": {"sd": "1 [K]"}}, IdentificationError, r"local\.air: a local value needs a start"),
             (
@@ -227,7 +227,7 @@ class TestLocal:
             (
                 {"air": {"start": "TT"}},
                 IdentificationError,
-                r"local\.air: 'TT' is no temperature and no channel of bench\. Did you mean 'T'",
+                r"local\.air: 'TT' is neither a temperature nor a channel of bench\. Did you mean 'T'",
             ),
         ],
     )

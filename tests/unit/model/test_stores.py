@@ -225,7 +225,7 @@ def test_tables_that_cannot_be(node: dict[str, Any], message: str) -> None:
 
 def test_what_cannot_take_such_a_model_says_so() -> None:
     model = block({"specific_heat": {"points": HEAT}}, emissivity=0)
-    with pytest.raises(ScenarioError, match="there is no modal solution"):
+    with pytest.raises(ScenarioError, match="the modal solution is not possible:"):
         td.simulate(model, bench(), options=td.Options(method="modal"))
     link = {"kind": "conduction", "between": ["body", "air"], "conductance": "1 [W/K]"}
     node = {"mass": "1 [kg]", "specific_heat": {"points": HEAT}}

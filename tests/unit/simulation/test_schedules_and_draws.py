@@ -47,5 +47,5 @@ def test_a_sum_is_refused_member_by_member() -> None:
 def test_a_sum_is_refused_in_a_run_at_other_values() -> None:
     ready = td.prepare(model("a + b"), SCENARIO, ["b"])
     assert ready.run()["n"].kelvin == pytest.approx(alone("a + b"), abs=1e-6)
-    with pytest.raises(ScenarioError, match="do not act as a product, so one schedule does not serve all runs"):
+    with pytest.raises(ScenarioError, match=r"do not repeat\. Give a table after = 'repeat'; the longest period"):
         ready.run({"b": 0.6})

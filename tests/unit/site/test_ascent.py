@@ -127,8 +127,8 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     for text, words in (
         ("time,height\n0,0\n1,5\n", "which column is the altitude"),
-        ("time,altitude\n0,0\n1,\n", "here is no value"),
-        ("time,altitude [km]\n0,0\n0,5\n", "time does not go on|needs two times"),
+        ("time,altitude\n0,0\n1,\n", "the value is missing. Add"),
+        ("time,altitude [km]\n0,0\n0,5\n", "times must increase|needs at least two times"),
     ):
         path.write_text(text, encoding="ascii")
         with pytest.raises(RecordError, match=words):

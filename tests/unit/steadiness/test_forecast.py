@@ -126,7 +126,7 @@ def test_words_and_objects():
         ({"channel": "T2"}, "no channel 'T2'"),
         ({"until": "100 [s]"}, "40 are needed"),
         ({"level": 1.5}, "a level of 1.5 is none"),
-        ({"rule": "3 C"}, "no rule of stability"),
+        ({"rule": "3 C"}, "is not a rule of stability."),
         ({"slowest": "10 [s]"}, "far below the 119.8 min that were watched"),
         ({"reference": "AIRE"}, "no channel 'AIRE'"),
     ],

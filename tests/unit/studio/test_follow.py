@@ -147,7 +147,7 @@ def test_only_files_of_the_project_are_opened_from_the_page(log: Path, tmp_path_
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"rule": "soon"}, "is no rule of stability"),
+        ({"rule": "soon"}, "is not a rule of stability."),
         ({"since": "late"}, "'since' is a number of hours"),
         ({"reference": "T_AIR"}, "there is no channel 'T_AIR'"),
     ],

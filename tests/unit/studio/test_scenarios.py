@@ -193,7 +193,7 @@ def test_a_hostile_title_stays_text(work: Work) -> None:
         (KEY, {"lowest": -5}, ScenarioError, "give both the lowest and the highest"),
         (KEY, {"numbers": {"cycles": 3}}, ScenarioError, "numbers are texts by name"),
         (KEY, {"numbers": {"cicles": "3"}}, ScenarioError, "has no 'cicles'"),
-        (KEY, {"numbers": {"stable": "soon"}}, RecordError, "is no rule of stability"),
+        (KEY, {"numbers": {"stable": "soon"}}, RecordError, "is not a rule of stability."),
         (KEY, {"chamber": ["engine"]}, ScenarioError, "'engine' is no boundary"),
         ("scenario 0", {"gas": "soup"}, ScenarioError, "'soup' is none of air, vacuum, printed"),
         ("scenario 0", {"uncertain": True}, ScenarioError, "the uncertainty belongs to a fit's own values"),
