@@ -26,7 +26,7 @@ SCHEMA = 2
 AGREES = 1e-6
 """Relative difference between an error and its row beyond which a file was changed by hand. [-]"""
 OLD = (
-    f"the values file has the old format (schema 1). It lacks the values that stage '{stage}' inherited and the response to "
+    "the values file has the old format (schema 1). It lacks the values that stage '{stage}' inherited and the response to "
     "convection exponents (taken as zero), and does not show whether the decks changed since. Run the campaign again to update it."
 )
 
