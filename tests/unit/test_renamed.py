@@ -75,7 +75,7 @@ def test_old_names_go_with_the_version_that_says_so() -> None:
 
 
 def test_limits_by_place_are_refused_in_words() -> None:
-    with pytest.raises(td.ThermidError, match=r"limits are a table, not '2 \[K\]': Criteria\(rmse="):
+    with pytest.raises(td.ThermidError, match=r"give limits as a table, not '2 \[K\]': Criteria\(rmse="):
         td.Criteria("1 [K]", "2 [K]")  # type: ignore[arg-type]
 
 

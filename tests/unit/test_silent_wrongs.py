@@ -248,7 +248,7 @@ def test_a_blank_tail_of_the_simulation_does_not_agree() -> None:
     with pytest.raises(RecordError, match=r"simulated numbers of 'T1' run from 0 s to 3600 s, its readings from 0 s to 7200 s"):
         correlate((measured, log("run", np.where(early, truth, np.nan), early)), [ours], steady=LEVEL)
     hole = (MINUTES < 3600.0) | (MINUTES > 5400.0)
-    with pytest.raises(RecordError, match="no numbers for 'T1' between 3540 s and 5460 s, where there are readings"):
+    with pytest.raises(RecordError, match="no numbers for 'T1' between 3540 s and 5460 s, but the log has readings"):
         correlate((measured, log("run", np.where(hole, truth, np.nan), hole)), [ours], steady=LEVEL)
     with pytest.raises(RecordError, match="no simulated number at all"):
         correlate((measured, log("run", truth, np.zeros(MINUTES.size, dtype=bool))), [ours])

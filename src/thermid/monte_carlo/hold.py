@@ -100,7 +100,7 @@ def clock(seconds: float) -> str:
     ('3 h 10 min', '9 min')
     """
     if math.isinf(seconds):
-        return "beyond the scenario"
+        return "longer than the scenario"
     minutes = int(seconds // 60)
     hours, rest = divmod(minutes, 60)
     return f"{hours} h {rest} min" if hours else f"{rest} min"
@@ -205,7 +205,9 @@ class Hold:
         for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
             low, high = p.never_between
             never = f"never exceeded in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-            until = f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "beyond the scenario"
+            until = (
+                f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "longer than the scenario"
+            )
             if p is self.together:
                 lines.append(f"  all of them: met for {until}, {never}")
                 continue

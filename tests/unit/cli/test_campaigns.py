@@ -64,7 +64,7 @@ class TestCheck:
     def test_one_kind_of_file_taken_for_the_other(self, call: Call, accelerometer: Path, campaign: Path) -> None:
         said = call("calibrate", accelerometer, "--json")
         assert said.code == 2
-        assert said.object["message"].startswith("this is a deck. A campaign has records and stages")
+        assert said.object["message"].startswith("this is a deck, not a campaign. Write a campaign with")
         said = call("simulate", campaign, "--json")
         assert said.code == 2
         assert said.object["message"].startswith("this is a campaign, not a deck")
@@ -171,7 +171,7 @@ class TestCalibrate:
     def test_a_used_record_is_not_a_validation(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", changed(campaign, 'record   = "pair_two"', 'record   = "pair_one"'), "--json")
         assert said.code == 4
-        assert "a validation needs data that no fit has seen" in said.object["message"]
+        assert ". A validation needs a hold-out record: use one" in said.object["message"]
 
     def test_a_data_folder(self, call: Call, campaign: Path, tmp_path: Path) -> None:
         (campaign.parent / "logs").rename(tmp_path / "logs")

@@ -83,7 +83,7 @@ def test_what_sensors_and_model_are_said_to_err_by_needs_no_fault() -> None:
     found = diagnose(seen(unit(), {"T_PROC": 0.3, "T_ELE": -0.2}))
     assert found.group == "nothing"
     assert found.best is None
-    assert "nothing to explain" in str(found)
+    assert "model; no fault is needed" in str(found)
 
 
 def test_a_sensor_that_a_run_started_from_is_seen_as_that() -> None:

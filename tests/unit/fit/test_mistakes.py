@@ -49,7 +49,7 @@ def said(record: td.Record, free: list[str]) -> str:
 
 def test_a_power_that_no_log_gives_is_named() -> None:
     told = said(log().select("T0", "T1"), ["*.conductance"])
-    assert "o log gives the power of 'heat': that of the deck was taken, from beginning to end." in told
+    assert "he power of 'heat' is that of the deck for the whole record, because no log column gives it." in told
 
 
 @pytest.mark.parametrize(("factor", "shown"), [(1000.0, "8000"), (0.001, "0.008")])

@@ -164,7 +164,7 @@ class TestTies:
         assert "cut from its twins: b" in str(found)
         both = calibrate(pair(), data, ["a.case.mass"])
         assert both["a.case.mass"].also == ("b.case.mass",)
-        assert "a.case.mass: one value with b.case.mass" in str(both)
+        assert "a.case.mass: shares its value with b.case.mass" in str(both)
 
     def test_an_instance_with_a_value_of_its_own_is_left_alone(self) -> None:
         stack = model_from_dict({**_pair_deck(), "set": {"b.case.mass": "2 [kg]"}})
@@ -291,7 +291,7 @@ class TestWeights:
     @pytest.mark.parametrize(
         ("weights", "words"),
         [
-            ({"TT": 1.0}, r"a weight is given for 'TT', which is no sensor here\. Did you mean 'T'"),
+            ({"TT": 1.0}, r"a weight is given for 'TT', which is not a sensor of this fit\. Did you mean 'T'"),
             ({"T": 0.0}, r"the weight of 'T' must be above zero"),
             ({"T": math.nan}, r"the weight of 'T' must be above zero"),
         ],

@@ -139,9 +139,9 @@ class TestAsked:
 
     def test_sensors(self) -> None:
         scenario = td.Scenario("bench", boundaries=ROOM, duration="5 [h]")
-        with pytest.raises(IdentificationError, match=r"sensors\.case: what a planned test tells depends on the noise"):
+        with pytest.raises(IdentificationError, match=r"sensors\.case: the noise of the sensors is missing\. Give it, such"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"case": {"accuracy": "1 [K]"}})
-        with pytest.raises(IdentificationError, match=r"a sensor has noise, accuracy and name, not nois\. Did you mean 'noise'"):
+        with pytest.raises(IdentificationError, match=r"give a sensor noise, accuracy and name, not nois\. Did you mean 'noise'"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"case": {"nois": "1 [K]"}})
         with pytest.raises(IdentificationError, match=r"a planned test needs at least one sensor on a node"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"air": {"noise": "1 [K]"}})

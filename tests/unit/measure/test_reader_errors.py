@@ -34,11 +34,11 @@ BACK = "Sort the log, or read its parts as separate records."
         ),
         (
             "t,T1,T2\n0,20,1\n1,21\n2,22,3\n3,23,4\n",
-            "bench.csv:3: 2 cells in this line, 3 in the header. Mend it, put '#' before it, or give the separator. columns",
+            "bench.csv:3: 2 cells in this line, 3 in the header. Correct the line, put '#' before it, or give the separator. columns",
         ),
         (
             "t,T1,T2\n0,20,1\n# x\n\n1,21,2,9\n2,22,3\n3,22,3\n",
-            "bench.csv:5: 4 cells in this line, 3 in the header. Mend it, put '#' before it, or give the separator. columns",
+            "bench.csv:5: 4 cells in this line, 3 in the header. Correct the line, put '#' before it, or give the separator. columns",
         ),
         (
             "t,T1\n0,20\n\n1,ERR\n2,22\n",
@@ -67,19 +67,22 @@ BACK = "Sort the log, or read its parts as separate records."
         ("t,T1\n0,20\n,21\n2,22\n", "bench.csv:3, column 't': this line has no time. Remove it, or correct the log."),
         ("t,T1\n0,20\nx,21\n2,22\n", "bench.csv:3, column 't': 'x' is text; the lines above it have times in numbers."),
         ("t,T1\n0,20\ninf,21\n", "bench.csv:3, column 't': 'inf' is no time."),
-        ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples of one stamp; a record needs at least two times."),
+        ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples with one time stamp; a record needs at least two times."),
         (
             "time,T1\nday 24 10:00,20\nday 24 10:01,21\n",
             "bench.csv:2, column 'time': 'day 24 10:00' is not a known time (seconds, an ISO 8601 stamp, or HH:MM:SS). "
             "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'.",
         ),
-        ("time,T1\n10:00:00,20\n10:61:00,21\n", "bench.csv:3, column 'time': '10:61:00' is no clock time HH:MM:SS, as the first line has."),
+        (
+            "time,T1\n10:00:00,20\n10:61:00,21\n",
+            "bench.csv:3, column 'time': '10:61:00' is not a clock time HH:MM:SS, the form of the first line.",
+        ),
         (
             "time,T1\n2024-01-01T00:00:00Z,20\n2024-01-01T00:00:01,21\n",
             "bench.csv:3, column 'time': '2024-01-01T00:00:01' and the first stamp differ: only one has a time zone. "
             "Write all with it, or none.",
         ),
-        ("time,t,T1\n0,0,20\n1,1,21\n", "with the power of the whole package; in its test"),
+        ("time,t,T1\n0,0,20\n1,1,21\n", "bench.csv: time and t could both be the time column. Give time='...' with the right one."),
         ('t,T1\n0,20\n1,"21\n2,22\n3,23\n', "bench.csv:3: a quotation mark is misplaced (unexpected end of data). Correct the line."),
         ("t,T1,T1\n0,1,2\n1,1,2\n", "bench.csv, channels.case: 2 columns have the name 'T1'. Rename all but one."),
     ],
@@ -222,7 +225,7 @@ def test_units(log, header, channel, arguments, message):
 
 def test_unit_given_must_agree_with_the_header(log):
     path = log("t,T1 [K]\n0,20\n1,21\n")
-    with pytest.raises(RecordError, match=r"its header says \[K\] and its unit is given as 'degC'\. Correct one of them\."):
+    with pytest.raises(RecordError, match=r"its header has the unit \[K\], but its unit is given as 'degC'\. Correct one of them\."):
         read_record(path, {"T1": {"node": "a", "unit": "degC"}})
     named = log("t,T1 [left]\n0,20\n1,21\n")
     assert read_record(named, {"T1": {"node": "a"}}, units={"T1": "K"})["T1"].values.tolist() == [20, 21]

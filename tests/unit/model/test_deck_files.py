@@ -66,7 +66,7 @@ def test_a_deck_with_a_part(decks: Decks) -> None:
             "main.toml:12, surfaces.skin.htc: give a text with a unit, '2.5",
         ),
         (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit"),
-        (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is no value."),
+        (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is not a value. Write a text"),
         (BOX + 'colour = "red"\n', "main.toml:13, surfaces.skin.colour: 'colour' is not a field here."),
         ('box = "purple"\n' + BOX, "main.toml:1, box: input should be 'white', 'light grey', 'dark grey' or 'black'."),
         (

@@ -105,13 +105,13 @@ def test_millimetres_and_metres_are_the_same_values(part: Build) -> None:
         ({"value": "3 [W]", "min": 5, "max": 2}, DeckError, "its minimum 5 is above its maximum 2. Exchange the two bounds."),
         ({"value": "3 [W]", "min": "5 [m]"}, UnitError, "the bound '5 [m]' is a length; the value is a power."),
         ({"value": "3 [W]", "max": "p"}, DeckError, "the bound 'p' must be a number with a unit."),
-        ({"value": "3 [W]", "max": float("nan")}, DeckError, "nan is no value."),
+        ({"value": "3 [W]", "max": float("nan")}, DeckError, "nan is not a value. Write a text"),
         ({"value": "3 [W]", "source": "guess"}, DeckError, "source 'guess' is none of published, datasheet, derived, assumed, measured."),
         ({"value": "3 [W]", "mni": 2}, DeckError, "the keys of a parameter are value, min, max, source, note and basis; given: mni."),
         ({"min": 2}, DeckError, "not a table without value."),
-        (True, DeckError, "True is no value. Write a text with a unit, '2.5 [W]', or a number."),
-        (float("nan"), DeckError, "nan is no value."),
-        (None, DeckError, "None is no value."),
+        (True, DeckError, "True is not a value. Write a text with a unit, '2.5 [W]', or a number."),
+        (float("nan"), DeckError, "nan is not a value. Write a text"),
+        (None, DeckError, "None is not a value. Write a text"),
     ],
 )
 def test_bad_parameter(given: Any, kind: type[ThermidError], message: str) -> None:

@@ -224,10 +224,10 @@ def test_a_changed_file_and_a_missed_temperature_are_found(project: Path) -> Non
     record = json.loads(checks.read_text("utf-8"))
     record["files"] = {}
     checks.write_text(json.dumps(record), "utf-8")
-    with pytest.raises(DeckError, match=r"'.*' is 0\.\d+ K from what it must be in warm.toml"):
+    with pytest.raises(DeckError, match=r"'.*' is 0\.\d+ K from its expected value in warm\.toml"):
         td.check_delivery(project / "out")
     checks.unlink()
-    with pytest.raises(DeckError, match="'out' is no delivery"):
+    with pytest.raises(DeckError, match="'out' is not a delivery: it has"):
         td.check_delivery(project / "out")
 
 

@@ -129,7 +129,7 @@ def test_a_window_starts_at_zero_and_stays_inside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words", "error"),
     [
-        ("time,dry_bulb\n0,20\n0,21\n", "needs two times|times must increase:", RecordError),
+        ("time,dry_bulb\n0,20\n0,21\n", "needs at least two times|times must increase:", RecordError),
         ("time,dry_bulb [W]\n0,20\n60,21\n", "a power", UnitError),
         ("time,dry_bulb\n0,20\n60,warm\n", "'warm' is no number", RecordError),
         ("time,dry_bulb [K]\n0,20\n60,21\n", "dry_bulb is -253", RecordError),
