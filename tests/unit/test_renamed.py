@@ -55,7 +55,7 @@ def objects() -> dict[str, Any]:
 def test_an_old_name_gives_what_the_new_one_does(objects: dict[str, Any], owner: str, old: str) -> None:
     new = RENAMED[owner][old]
     one = objects[owner]
-    with pytest.warns(DeprecationWarning, match=rf"'\.{old}' was renamed to '\.\*{new.strip('[]')}\.\*'; the old name will be removed in"):
+    with pytest.warns(DeprecationWarning, match=rf"'\.{old}' was renamed to '.*{new.strip('[]')}.*'; the old name will be removed in"):
         found = getattr(one, old)
     np.testing.assert_equal(found, one[new[1:-1]] if new.startswith("[") else getattr(one, new))
 

@@ -160,7 +160,7 @@ def test_nothing_changes_there_is_not_said_of_a_node_that_falls_by_50_k() -> Non
     )
     assert run["a"].celsius[-1] == pytest.approx(50.0, abs=1e-3)
     (said,) = [w for w in run.warnings if "no path" in w]
-    assert said == "'a', 'b' have no path to a boundary, so its heat is never removed. Connect"
+    assert said == "'a', 'b' have no path to a boundary, so heat is never removed. Connect a boundary if that is not intended."
 
 
 def test_a_stream_that_leaves_cools_nothing_upstream() -> None:
@@ -181,7 +181,7 @@ def test_a_constant_load_does_not_grow_with_temperature(method: str) -> None:
     scenario = td.Scenario("space", boundaries={"space": "3 [K]"}, start="300 [K]", duration="100 [h]")
     with pytest.raises(SolverError) as caught:
         td.simulate(ball("-10 [W]"), scenario, options=td.Options(method=method))
-    assert "no steady state exists: the equations are" in str(caught.value)
+    assert "the temperature rises without limit at 2" in str(caught.value)
     assert "grows" not in str(caught.value)
     with pytest.raises(SolverError) as caught:
         td.steady(ball("-10 [W]"), scenario)

@@ -229,7 +229,7 @@ def test_a_table_goes_on_as_a_straight_line_where_that_is_chosen() -> None:
     run = td.simulate(short("linear"), bench())
     final = run["x"].final
     assert (1.0 + 0.05 * 0.5 * final) * final == pytest.approx(150.0, abs=1e-3)
-    assert any("goes on as a straight line" in w for w in run.warnings)
+    assert any("is extended as a straight line" in w for w in run.warnings)
     assert to_dict(short("linear"))["conductors"]["link"]["table"]["outside"] == "linear"
     falling = box({"outside": "linear", "points": [["0 [degC]", "2 [W/K]"], ["5 [degC]", "1 [W/K]"]]}, "30 [W]")
     with pytest.raises(SolverError, match=r"'link' leaves the range of its table, -inf to 283\.1 K"):

@@ -119,14 +119,14 @@ def test_fahrenheit_sign_is_the_scale() -> None:
     [
         (
             "degC/min",
-            r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC is 1 K\.",
+            r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC equals 1 K\.",
         ),
         ("BTU/(h ft^2 degF)", r"multiplies or divides the scale degF.*Write degR"),
         ("W/degC", r"Write K"),
-        ("Wat", r"'\[Wat\]' is not a known unit: it has"),
-        ("W/(m^2 k K", r"is no unit that is known here\. Did you mean 'W/\(m\^2 K\)'\?"),
-        ("m^", "is no unit"),
-        ("dBm", "is no unit"),
+        ("Wat", r"'\[Wat\]' is not a known unit\. Did you mean 'atm'\?"),
+        ("W/(m^2 k K", r"'\[W/\(m\^2 k K\]' is not a known unit\."),
+        ("m^", r"'\[m\^\]' is not a known unit\."),
+        ("dBm", r"'\[m\^\]' is not a known unit\."),
         ("mol", r"a dimension that does not occur in a thermal network: \[substance\]"),
     ],
 )
@@ -168,7 +168,7 @@ def test_bad_units(text: str, message: str) -> None:
 def test_a_unit_is_not_computed(text: str) -> None:
     """Towers of powers and code never reach pint's evaluator; what is refused is refused at once."""
     begun = time.process_time()
-    with pytest.raises(UnitError, match="is no unit that is known here") as caught:
+    with pytest.raises(UnitError, match=r"'\[m\^9\^9\^9\]' is not a known unit\.") as caught:
         unit(text)
     assert time.process_time() - begun < 2.0  # the first one loads pint
     assert len(str(caught.value)) < 400

@@ -50,8 +50,8 @@ def test_trim_counts_masks_of_what_is_left():
     ("action", "message"),
     [
         (lambda r: r.trim(3, 2), "trim: its end is before its start: 3 [s] to 2 [s]."),
-        (lambda r: r.trim(30, 40), "trim: no sample lies from 30 [s] to 40 [s]; record 'bench' runs from 0 [s] to 20 [s]."),
-        (lambda r: r.trim(3, 3), "trim: only 1 sample lies from 3 [s] to 3 [s]; two are needed."),
+        (lambda r: r.trim(30, 40), "trim: there is no sample from 30 [s] to 40 [s]; record 'bench' runs from 0 [s] to 20 [s]."),
+        (lambda r: r.trim(3, 3), "trim: only 1 sample lies from 3 [s] to 3 [s]; at least two are needed."),
         (
             lambda r: r.trim("fin"),
             "trim: 'fin' is not a number. Write a number with its unit, such as '4 [s]'. 'start' and 'end' are allowed too.",
@@ -66,7 +66,10 @@ def test_trim_counts_masks_of_what_is_left():
         (lambda r: r.flag_spikes(0, 2), "spikes, threshold: 0 is not above zero."),
         (lambda r: r.flag_spikes("0 [K]", 2), "spikes, threshold: '0 [K]' is not above zero."),
         (lambda r: r.flag_spikes(3, 2, ["heater"]), "spikes: channel 'heater' is a power, not a temperature."),
-        (lambda r: r.filter("1 [s]"), ". If it falls below 0 K, a negative power is too large."),
+        (
+            lambda r: r.filter("1 [s]"),
+            "filter, window: 1 s is not above two steps of 0.5 s, so the filter would have no effect. Give a larger width.",
+        ),
         (
             lambda r: r.select("heater").median(2),
             "median: record 'bench' has no temperature channel, so this step has nothing to act on. Leave it out.",

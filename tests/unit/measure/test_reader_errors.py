@@ -19,7 +19,7 @@ BACK = "Sort the log, or read its parts as separate records."
         ("", "bench.csv: the file is empty."),
         (" \n\n", "bench.csv: the file is empty."),
         ("# a\n# b\n", "bench.csv: the file has only comments."),
-        ("time_s,T1\n", ". If it falls below 0 K, a negative power is too large."),
+        ("time_s,T1\n", "bench.csv: the file has a header but no samples below it. Export the log again, with its data."),
         ("time_s,T1\n0,20\n", "bench.csv: the log has one sample; a record needs at least two times."),
         ("0,20\n1,21\n", "bench.csv:1: the first line holds numbers. Add a header line with the names of the columns above it."),
         ("time_s T1\n0 20\n1 21\n", "bench.csv:1: no comma, semicolon or tab divides the header 'time_s T1'. Give separator='...'."),
@@ -34,11 +34,11 @@ BACK = "Sort the log, or read its parts as separate records."
         ),
         (
             "t,T1,T2\n0,20,1\n1,21\n2,22,3\n3,23,4\n",
-            "bench.csv:3: 2 cells in this line, 3 in the header. Correct the line, put '#' before it, or give the separator. columns",
+            "bench.csv:3: 2 cells in this line, 3 columns in the header. Correct the line, put '#' before it, or give the separator.",
         ),
         (
             "t,T1,T2\n0,20,1\n# x\n\n1,21,2,9\n2,22,3\n3,22,3\n",
-            "bench.csv:5: 4 cells in this line, 3 in the header. Correct the line, put '#' before it, or give the separator. columns",
+            "bench.csv:5: 4 cells in this line, 3 columns in the header. Correct the line, put '#' before it, or give the separator.",
         ),
         (
             "t,T1\n0,20\n\n1,ERR\n2,22\n",
@@ -80,7 +80,7 @@ BACK = "Sort the log, or read its parts as separate records."
         (
             "time,T1\n2024-01-01T00:00:00Z,20\n2024-01-01T00:00:01,21\n",
             "bench.csv:3, column 'time': '2024-01-01T00:00:01' and the first stamp differ: only one has a time zone. "
-            "Write all with it, or none.",
+            "Write all with a time zone, or none.",
         ),
         ("time,t,T1\n0,0,20\n1,1,21\n", "bench.csv: time and t could both be the time column. Give time='...' with the right one."),
         ('t,T1\n0,20\n1,"21\n2,22\n3,23\n', "bench.csv:3: a quotation mark is misplaced (unexpected end of data). Correct the line."),
@@ -98,7 +98,8 @@ def test_message(log, text, message):
         (
             "u,T1\n0,20\n1,21\n",
             {},
-            "' is not a known fluid.",
+            "bench.csv: no time column found: none of u, T1 has one of the names time, time_s, t, t_s, timestamp, datetime, seconds. "
+            "Give time='...' with the name of the column.",
         ),
         (
             "time_s,T1\n0,20\n1,21\n",
@@ -124,8 +125,8 @@ def test_unknown_name_offers_the_nearest(log, text, arguments, message):
         ({"clock": "%H:%M"}, "bench.csv:2, column 't': '0' does not have the form clock='%H:%M'"),
         ({"separator": "ab"}, "bench.csv: separator 'ab' is not a single character. Give ',' or ';' or '\\t'."),
         ({"decimal": "x"}, "bench.csv: decimal='x' is neither '.' nor ','."),
-        ({"decimal": ","}, "bench.csv:2, column 'T1': '20.5' is no number."),
-        ({"noise": {"case": "x"}}, "'. Add a transition to it, or remove the mode."),
+        ({"decimal": ","}, "bench.csv:2, column 'T1': '20.5' is not a number. Write"),
+        ({"noise": {"case": "x"}}, "'x' is not a number."),
         ({"noise": {"case": 0}}, "channel 'case': its noise is 0; a finite number above zero is needed."),
         ({"accuracy": {"case": -1}}, "channel 'case': its accuracy is -1; a finite number not below zero is needed."),
         ({"noise": {"case": float("nan")}}, "bench.csv, column 'T1', noise: nan is not finite."),
@@ -140,8 +141,8 @@ def test_arguments(log, arguments, message):
 @pytest.mark.parametrize(
     ("channels", "message"),
     [
-        ({}, ", and its conductances are valid there only. Reduce the"),
-        ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table."),
+        ({}, "bench.csv: no channel is requested. Give channels={'node': 'column'}."),
+        ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table. Write 'column' or { column = 'column' }."),
         (
             {"T1": {"nod": "a"}},
             "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, full_scale, noise, "
@@ -156,7 +157,7 @@ def test_arguments(log, arguments, message):
             "bench.csv, channels.T1: prompt states that a power or command was logged at every change, so it applies to a load or "
             "command only.",
         ),
-        ({"T1": {"node": ""}}, "bench.csv, channels.T1: node = '' is no text."),
+        ({"T1": {"node": ""}}, "bench.csv, channels.T1: node = '' is not a text."),
         (
             {"T1": {"node": "a", "gain": "b"}},
             "bench.csv, channels.T1: a gain converts a command into a power, so it needs load = '...' or command = '...' too.",
@@ -164,12 +165,12 @@ def test_arguments(log, arguments, message):
         (
             {"T1": {"boundary": "a"}, "T2": {"boundary": "a"}},
             "record 'bench': channels 'T1' and 'T2' are both bound to boundary 'a'. "
-            "Bind one of them; several sensors of one node have the role 'node'.",
+            "Bind one of them. For several sensors on one node use the role 'node'.",
         ),
         (
             {"T1": {"load": "a", "unit": "W"}, "T2": {"command": "a"}},
             "record 'bench': channels 'T1' and 'T2' are both bound to load 'a'. "
-            "Bind one of them; several sensors of one node have the role 'node'.",
+            "Bind one of them. For several sensors on one node use the role 'node'.",
         ),
     ],
 )
@@ -239,9 +240,7 @@ def test_times_in_minutes_are_not_read_as_seconds(log):
 
 def test_missing_file(log):
     path = log("t,T1\n0,20\n1,21\n")
-    with pytest.raises(
-        MissingDataError, match=r"benhc.csv: there is no such file. Did you mean 'bench.csv'\? Check the path, or fetch the log first."
-    ):
+    with pytest.raises(MissingDataError, match=r"Did you mean 'bench\.csv'\? Check the path, or fetch the log first\."):
         read_record(path.with_name("benhc.csv"), ANY)
     with pytest.raises(MissingDataError, match="Its folder does not exist either"):
         read_record(path.parent / "x" / "bench.csv", ANY)
@@ -290,7 +289,7 @@ def test_times_that_look_like_days_of_a_spreadsheet(log):
 
 def test_commas_as_separator_and_as_decimal_sign(log):
     with pytest.raises(
-        RecordError, match=r"bench.csv:2: 4 cells in this line, 2 in the header\. Commas seem to be the decimal sign too columns"
+        RecordError, match=r"bench\.csv:2: 4 cells in this line, 2 columns in the header\. Commas seem to be the decimal sign too\. Export"
     ):
         read_record(log("t,T1\n0,0,20,5\n1,0,21,5\n2,0,22,5\n"), {"T1": {"node": "a"}})
 

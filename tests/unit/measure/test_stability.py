@@ -43,7 +43,7 @@ def test_rules_by_name_and_in_words(text, rate, window, mark):
 def test_rules_on_stored_heat():
     assert rule_of("stored 5 %").mark == "memory"
     assert rule_of("stored 3 %").rate == pytest.approx(0.03)
-    with pytest.raises(RecordError, match="readings alone do not show"):
+    with pytest.raises(RecordError, match="'stored 5 %' is a rule on stored heat,"):
         channel_stability(record(0.0), "T", rule_of("stored 5 %"))
 
 

@@ -151,7 +151,7 @@ def test_ranges_and_gas_at_rest_are_said() -> None:
         ({"tilt": "190 [deg]", "aspect": "4"}, "the tilt of a gap must be"),
         ({"tilt": "flat", "aspect": "4"}, "'flat' is not an angle. Write a number"),
         ({"tilt": "0", "aspect": "0.2"}, "the tilt of a gap must be"),
-        ({"convection_factor": 1.1}, "belongs to a gap that convects"),
+        ({"convection_factor": 1.1}, r"convection_factor applies to a gap that convects only\."),
     ],
 )
 def test_what_a_gap_cannot_be(more: dict[str, Any], message: str) -> None:

@@ -65,13 +65,13 @@ def test_a_deck_with_a_part(decks: Decks) -> None:
             BOX.replace('"5 [W/(m^2 K)]"', "true"),
             "main.toml:12, surfaces.skin.htc: give a text with a unit, '2.5",
         ),
-        (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit"),
+        (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: give a text with a unit, '2.5 [W]', a"),
         (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is not a value. Write a text"),
         (BOX + 'colour = "red"\n', "main.toml:13, surfaces.skin.colour: 'colour' is not a field here."),
         ('box = "purple"\n' + BOX, "main.toml:1, box: input should be 'white', 'light grey', 'dark grey' or 'black'."),
         (
             BOX + '[conductors]\nc = { kind = "conducton", between = ["case", "air"] }\n',
-            "main.toml:14, conductors.c.kind: 'conducton' is none of conduction, contact",
+            "main.toml:14, conductors.c.kind: 'conducton' is not one of conduction, contact,",
         ),
         (
             BOX + '[conductors]\nc = { kind = "conduction", between = ["case"] }\n',
@@ -122,7 +122,7 @@ def test_elements_point_at_their_line(decks: Decks) -> None:
 
 
 def test_duplicate_names(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"main\.toml: this is no TOML: .*line 8"):
+    with pytest.raises(DeckError, match=r"main\.toml: this is not valid TOML: Cannot"):
         decks(main=BOX.replace("[surfaces", 'case = { capacitance = "1 [J/K]" }\n[surfaces'))
     with pytest.raises(DeckError, match=r"main\.toml:8, surfaces\.skin: 'skin' is already the name of one of parameters"):
         decks(main=BOX + "[parameters]\nskin = 1\n")
@@ -147,7 +147,7 @@ def test_missing_part_with_the_nearest_name(decks: Decks) -> None:
 
 
 def test_not_toml(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"main\.toml: this is no TOML: .*line 2"):
+    with pytest.raises(DeckError, match=r"main\.toml: this is not valid TOML: Expected '='"):
         decks(main='title = "x"\nthis is prose\n')
 
 
@@ -185,7 +185,8 @@ def test_a_part_outside_the_project(decks: Decks, tmp_path: Path, name: str) -> 
         decks(main=using(name))
     assert (
         str(caught.value)
-        == f"main.toml:4, submodels.part.use: '{name}' leaves the project (thermid.toml marks its root). Copy the file into the project."
+        == f"main.toml:4, submodels.part.use: '{name}' lies outside the project (thermid.toml marks its root). Copy the file into the "
+        "project."
     )
 
 
@@ -193,7 +194,7 @@ def test_a_symbolic_link_out_of_the_project(decks: Decks, tmp_path: Path) -> Non
     outside = tmp_path.parent / "outside.toml"
     outside.write_text(BOX, encoding="utf-8")
     os.symlink(outside, tmp_path / "link.toml")
-    with pytest.raises(DeckError, match=r"'link\.toml' leaves the project"):
+    with pytest.raises(DeckError, match=r"'link\.toml' lies outside the project"):
         decks(main=using("link.toml"))
 
 
@@ -217,7 +218,7 @@ def test_other_roots(tmp_path: Path) -> None:
     (tmp_path / "project/thermid.toml").write_text("", encoding="utf-8")
     found = resolve_inside(tmp_path / "project", "../data/log.csv", "here", (tmp_path / "data",))
     assert found == (tmp_path / "data/log.csv").resolve()
-    with pytest.raises(DeckError, match=r"here: '\.\./data/log\.csv' leaves the project"):
+    with pytest.raises(DeckError, match=r"here: '\.\./data/log\.csv' lies outside the project"):
         resolve_inside(tmp_path / "project", "../data/log.csv", "here")
 
 
@@ -249,7 +250,7 @@ def test_a_deck_runs_no_code(decks: Decks, tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_file_needs_a_deck_around_it() -> None:
     with pytest.raises(
-        DeckError, match=r"Main, submodels\.a\.use: use = .file. works in a deck file only\. Here pass a Model: td\.load_model\(file\)\."
+        DeckError, match=r"Main, submodels\.a\.use: a file name works in a deck file only\. Here pass a Model: td\.load_model\(file\)\."
     ):
         model_from_dict({"title": "Main", "submodels": {"a": {"use": "box.toml"}}})
 

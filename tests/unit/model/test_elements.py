@@ -55,7 +55,7 @@ def conductance(model: Model, name: str = "c") -> float:
         (conductor(kind="table", table={"points": [["9 [degC]", "1 [W/K]"], ["0 [degC]", "1 [W/K]"]]}), "with increasing temperatures"),
         (
             {"nodes/case": {"mass": "1 [kg]"}},
-            "Box, nodes.case: a node has mass and specific_heat, or capacitance, or nothing (a massless node).",
+            "Box, nodes.case: give a node mass and specific_heat, or capacitance, or neither (a massless node).",
         ),
         ({"nodes/case/capacitance": "1 [J/K]"}, "give a node mass and specific_heat, or capacitance, or neither"),
         ({"surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, "Box, surfaces.skin: give a surface either htc"),
@@ -121,11 +121,11 @@ def test_joint_of_one_surface(pair: Build) -> None:
     [
         (
             conductor(resistance="0 [K/W]"),
-            "Box, conductors.c: a zero resistance would make two nodes one. Merge them, or give a small resistance above zero.",
+            "Box, conductors.c: the resistance is zero, so both nodes would have one temperature. Merge the nodes, or give a small",
         ),
         (
             conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="0 [mm]"),
-            "Box, conductors.c: a zero thickness is a zero resistance, which would make two nodes one.",
+            "Box, conductors.c: the thickness is zero, so both nodes would have one temperature. Merge the nodes,",
         ),
         (
             conductor(
@@ -137,7 +137,7 @@ def test_joint_of_one_surface(pair: Build) -> None:
             conductor(
                 kind="heat_pipe", on_conductance="-1 [W/K]", off_conductance="1 [W/K]", start_temperature="1 [degC]", transition="1 [K]"
             ),
-            "Box, conductors.c: a table would have a negative conductance",
+            "Box, conductors.c: the table has a negative conductance; heat would",
         ),
         (
             conductor(conductance="-1 [W/K]"),

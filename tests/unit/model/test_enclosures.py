@@ -158,9 +158,9 @@ def test_faults_of_shapes(shape: str, dimensions: dict[str, str], rest: str | No
     [
         ({"effective_htc": "5 [W/(m^2 K)]"}, r"its effective_htc includes radiation already"),
         ({"emissivity": None, "htc": "5 [W/(m^2 K)]"}, r"it has no emissivity"),
-        ({"radiates_to": "wall"}, r"radiates to 'wall' and in 'gap'"),
+        ({"radiates_to": "wall"}, "'a_skin' radiates to 'wall' and in the"),
         ({"emissivity": "0"}, r"the emissivity of '"),
-        ({"emissivity": "1.2"}, r"an emissivity of 1.2 does not exist"),
+        ({"emissivity": "1.2"}, r"the emissivity of 'a_skin' is 1\.2\."),
     ],
 )
 def test_faults_of_faces(surface: dict[str, str | None], message: str) -> None:

@@ -57,7 +57,7 @@ def test_replacement_without_a_used_port(part: Build, pair: Build) -> None:
         pair().replace("a", bare)
     assert str(caught.value) == (
         "Pair: 'a' has ports air, case, skin; its replacement has air, case: it does not offer skin, which is used here. "
-        "Add the port or keep the old part."
+        "Add the port to the new part, or keep the old part."
     )
 
 
@@ -149,7 +149,10 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
             {"surfaces/skin/htc": "0 [W/(m^2 K)]"},
             "warning: Box, nodes.case: 'case' has no path to a boundary: warms at 10.6667 K/h without limit. Connect it to a boundary.",
         ),
-        ({"surfaces/skin/htc": "0 [W/(m^2 K)]"}, "warning: Box, loads.heat: 'heat' heats 'case', from which no heat can leave."),
+        (
+            {"surfaces/skin/htc": "0 [W/(m^2 K)]"},
+            "warning: Box, loads.heat: 'heat' heats 'case', from which no heat can leave. Add a conductor.",
+        ),
         (
             {"surfaces/skin/htc": "0 [W/(m^2 K)]", "loads/heat/periodic": {"period": "1 [h]", "duty": 0.5}},
             "warning: Box, nodes.case: 'case' has no path to a boundary: warms at about 5.33333 K/h without limit. Connect it to a "
@@ -188,10 +191,10 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
             "give the node a mass.",
         ),
         ({"parameters/spare": "1"}, "warning: Box, parameters.spare: the parameter 'spare' is declared but nothing uses it."),
-        ({"surfaces/skin/emissivity": 1.2}, "error: Box, surfaces.skin.emissivity: an emissivity of 1.2 does not exist; give 0 to 1."),
+        ({"surfaces/skin/emissivity": 1.2}, "error: Box, surfaces.skin.emissivity: the emissivity is 1.2. Give 0 to 1."),
         (
             {"conductors/c": {"kind": "radiation", "between": ["case", "air"], "emissivity": -0.1, "area": "1 [cm^2]"}},
-            "error: Box, conductors.c.emissivity: an emissivity of -0.1 does not exist; give 0 to 1.",
+            "error: Box, conductors.c.emissivity: the emissivity is -0.1. Give 0 to 1.",
         ),
         (
             {"conductors/c": {"kind": "radiation", "between": ["case", "air"], "exchange_factor": 34, "area": "1 [cm^2]"}},
@@ -217,7 +220,7 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
         ),
         (
             {"nodes/case/test_only": False, "loads/heat/test_only": True},
-            "note: Box: one element is for the test only: 'heat'. Flight models leave them out.",
+            "note: Box: one element is marked test_only: 'heat'. Flight models leave them out.",
         ),
         (
             {"surfaces/skin/htc": None, "surfaces/skin/effective_htc": "5 [W/(m^2 K)]"},
@@ -240,7 +243,9 @@ def test_a_sound_model_has_no_findings(part: Build) -> None:
 
 def test_shadowed_values_are_listed(pair: Build) -> None:
     model = pair({"set": {"a.power": "6 [W]"}}).with_values({"a.power": "7 [W]"}, origin="stage Pair")
-    assert "note: stage Pair, a.power: 'a.power' is 7 [W], set by stage Pair; it hides 6 [W] of [set] of Pair, 4 [W] of Box." in said(model)
+    assert "note: stage Pair, a.power: 'a.power' is 7 [W], set by stage Pair; it overrides 6 [W] of [set] of Pair, 4 [W] of Box." in said(
+        model
+    )
 
 
 def test_a_parameter_whose_user_is_shadowed_is_not_unused(pair: Build) -> None:

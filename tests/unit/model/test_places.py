@@ -128,7 +128,10 @@ def test_places_of_a_deck_are_the_shape() -> None:
     [
         ({"low": PLACES["low"]}, "faces and places must have"),
         (PLACES | {"high": PLACES["high"] | {"radius": "1 [m]"}}, "give a place as corner and sides;"),
-        (PLACES | {"high": {"corner": [0, 0, "1 [m]"], "sides": [["1 [m]", 0, 0], ["2 [m]", 0, 0]]}}, "above zero"),
+        (
+            PLACES | {"high": {"corner": [0, 0, "1 [m]"], "sides": [["1 [m]", 0, 0], ["2 [m]", 0, 0]]}},
+            "sides, radius, normal and axis of a place",
+        ),
         (PLACES | {"high": {"corner": [0, 0, "2 [cm]"], "sides": [["20 [cm]", 0, 0], [0, "20 [cm]", 0]]}}, "sees the back of 'high'"),
         (PLACES | {"high": {"corner": [0, 0, "2 [K]"], "sides": [[0, 1, 0], [1, 0, 0]]}}, "enclosures.between.places.high"),
     ],

@@ -223,7 +223,7 @@ def test_a_table_needs_a_group_and_a_file_that_is_there(decks: Decks, tmp_path: 
     for main, message in (
         (MAIN.replace('"submodels"', '"submodel"'), "not 'submodel'. Did you mean 'submodels'?"),
         (MAIN.replace("cells.csv", "cels.csv"), "there is no file 'cels.csv'. Did you mean 'cells.csv'?"),
-        (MAIN.replace("cells.csv", "../../../etc/passwd"), "leaves the project"),
+        (MAIN.replace("cells.csv", "../../../etc/passwd"), "'../../../etc/passwd' lies outside the"),
         (MAIN.replace("makes = ", "make = ", 1), "Did you mean 'makes'?"),
     ):
         with pytest.raises(DeckError) as caught:

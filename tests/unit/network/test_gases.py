@@ -121,7 +121,7 @@ def test_contact_from_pressure_hardness_and_finish() -> None:
     ("link", "message"),
     [
         ({"kind": "gas", "area": "1 [m^2]", "gap": "0 [mm]"}, "a gap needs a distance above zero"),
-        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "an accommodation of 1.2 does not exist"),
+        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "the accommodation coefficient is 1.2."),
         ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "gas": "neon"}, "no gas is called 'neon'. There are air, N2"),
         ({"kind": "gas", "area": "1 [m^2]"}, "needs area and gap"),
         ({"kind": "conduction", "conductance": "1 [W/K]", "gas": "air"}, "a conductor of kind 'conduction' has no gas"),
@@ -232,7 +232,7 @@ def test_wind_that_swings_or_jumps() -> None:
 def test_wind_on_a_fixed_coefficient_is_remarked() -> None:
     fixed = td.simulate(box({"htc": "5 [W/(m^2 K)]"}), at(ATMOSPHERE, wind=3.0))
     assert any(
-        w.startswith("the wind in 'air' does not change 'skin': its coefficient is a fixed value. Give htc =") for w in fixed.warnings
+        w.startswith("the wind in 'air' has no effect on 'skin': its coefficient is a fixed value. Give htc =") for w in fixed.warnings
     )
     assert td.simulate(box({"htc": {"length": "5 [cm]"}}), at(ATMOSPHERE, wind=3.0)).warnings == ()
 

@@ -135,7 +135,7 @@ def test_a_member_that_runs_away_does_not_spoil_the_others(quantiles: Any) -> No
     draws = {"chip.exponential_coefficient": growth, "scale.chip": np.linspace(0.9, 1.1, 20)}
     found = td.ensemble(MODEL, ROOM, draws, every=60.0, quantiles=quantiles)
     assert list(found.failed) == [11]
-    assert "runs away" in found.failed[11]
+    assert "a power grows faster with temperature" in found.failed[11]
     keep = np.delete(np.arange(20), 11)
     alone = td.ensemble(MODEL, ROOM, {n: v[keep] for n, v in draws.items()}, every=60.0)
     assert np.abs(found.quantile("board", 0.9) - alone.quantile("board", 0.9)).max() < 3e-4
@@ -145,7 +145,7 @@ def test_a_member_that_runs_away_does_not_spoil_the_others(quantiles: Any) -> No
 
 def test_when_all_fail_the_first_one_says_why() -> None:
     found = td.ensemble(MODEL, ROOM, {"left.conductance": np.full(3, -1.0)})
-    with pytest.raises(ScenarioError, match=r"no member reached the end\. .*negative conductance"):
+    with pytest.raises(ScenarioError, match=r"no member of the ensemble reached the end of the run\."):
         found.mean("board")
 
 
@@ -217,7 +217,7 @@ def test_kept_quantiles_are_those_of_the_traces(monkeypatch: pytest.MonkeyPatch)
         few.quantile("seam", 0.9)
     with pytest.raises(ScenarioError, match="only quantiles were kept"):
         few.exceedance("seam", 30.0)
-    with pytest.raises(ScenarioError, match="'case' was not kept"):
+    with pytest.raises(ScenarioError, match=r"'case' was not stored\."):
         few.mean("case")
 
 

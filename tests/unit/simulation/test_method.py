@@ -106,5 +106,5 @@ def test_a_noisy_log_goes_by_modes(size: int) -> None:
 
 
 def test_a_failure_says_where_and_when() -> None:
-    with pytest.raises(SolverError, match=r"runs away at 1000 s of 1000 s at 'case'"):
+    with pytest.raises(SolverError, match="the temperature rises without limit at 1000 s of"):
         td.simulate(_model(), _scenario(loads={"heater": "-300 [W]"}), times=[1.0, 1000.0])

@@ -325,9 +325,9 @@ def test_a_table_that_ends_before_the_run_is_refused_unless_it_is_said_what_hold
         td.simulate(box(), plain(commands={"heater": {"times": ["600 [s]", "1200 [s]"], "values": [1, 0], "hold": True}}))
     for wrong, why in (
         ({"after": "stop"}, "after is 'hold' or 'repeat'"),
-        ({"after": "repeat"}, "ends where it begins"),
+        ({"after": "repeat"}, r"a table that repeats must end with its first value\."),
         ({"after": "hold", "period": "2 [h]"}, "a period applies to after"),
-        ({"after": "repeat", "period": "30 [min]"}, "the period ends before the"),
+        ({"after": "repeat", "period": "30 [min]"}, "a period of 1800 s ends before the last"),
         ({"samples": "mean"}, "samples are 'instant' or 'average'"),
         ({"samples": "average", "hold": True}, "samples = 'average' implies"),
     ):

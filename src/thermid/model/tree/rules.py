@@ -185,9 +185,7 @@ def _paths(view: _View) -> Iterator[Finding]:
         rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
         head = f"{quoted(paths)} {_has(group)} no path to a boundary"
         if rate == 0.0:
-            yield Finding(
-                "warning", group[0].where, f"{head}, so its heat is never removed. Connect it to a boundary if that is not intended."
-            )
+            yield Finding("warning", group[0].where, f"{head}, so heat is never removed. Connect a boundary if that is not intended.")
             continue
         constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")

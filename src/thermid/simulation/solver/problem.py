@@ -248,7 +248,7 @@ def unsettled(follows: bool) -> str:
 def runs_away(when: str, follows: bool) -> str:
     """Return why a temperature leaves every range; `follows` says whether a power follows a temperature at all."""
     cause = "a power grows faster with temperature than the heat removed" if follows else "more heat is supplied than removed"
-    return f"the temperature grows without limit {when}: {cause}. If it falls below 0 K, a negative power is too large."
+    return f"the temperature rises without limit {when}: {cause}. If it falls below 0 K, a negative power is too large."
 
 
 def unsolved(when: str, follows: bool) -> str:
