@@ -160,7 +160,7 @@ def test_nothing_changes_there_is_not_said_of_a_node_that_falls_by_50_k() -> Non
     )
     assert run["a"].celsius[-1] == pytest.approx(50.0, abs=1e-3)
     (said,) = [w for w in run.warnings if "no path" in w]
-    assert said == "'a', 'b' have no path to a boundary, so heat is never removed. Connect a boundary if that is not intended."
+    assert said == "'a', 'b' have no path to a boundary, so the heat stays there"
 
 
 def test_a_stream_that_leaves_cools_nothing_upstream() -> None:
@@ -185,7 +185,7 @@ def test_a_constant_load_does_not_grow_with_temperature(method: str) -> None:
     assert "grows" not in str(caught.value)
     with pytest.raises(SolverError) as caught:
         td.steady(ball("-10 [W]"), scenario)
-    assert "no steady state exists: the equations are singular." in str(caught.value)
+    assert "no steady state was found above 0 K." in str(caught.value)
 
 
 def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> None:

@@ -168,7 +168,7 @@ def test_bad_units(text: str, message: str) -> None:
 def test_a_unit_is_not_computed(text: str) -> None:
     """Towers of powers and code never reach pint's evaluator; what is refused is refused at once."""
     begun = time.process_time()
-    with pytest.raises(UnitError, match=r"'\[m\^9\^9\^9\]' is not a known unit\.") as caught:
+    with pytest.raises(UnitError, match=r"is not a known unit") as caught:
         unit(text)
     assert time.process_time() - begun < 2.0  # the first one loads pint
     assert len(str(caught.value)) < 400

@@ -171,7 +171,7 @@ class Streams:
             which, many = quoted([c.path for c in several]), len(several) > 1
             empty = [n for n in dict.fromkeys(n for c in several for n in self.lines[c.path]) if self._emptied(n, end)]
             when = f" from {begin:g} s" if begin > 0.0 else ""
-            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'}: {quoted(empty)} holds no gas{when}"
+            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}"
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
         if loops:
             density = "their density is that" if len(loops) > 1 else "its density is that"

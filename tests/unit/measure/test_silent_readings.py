@@ -34,7 +34,7 @@ def test_milliwatts_are_not_read_as_watts(log, header):
 
 @pytest.mark.parametrize("header", ["T1 (left)", "T1 [grd]", "T1 {x}", "T1 <spare>", "T1, °X"])
 def test_a_unit_that_nobody_knows_is_refused_and_never_dropped(log, header):
-    with pytest.raises(UnitError, match=r"'\[grd\]' is not a known unit\."):
+    with pytest.raises(UnitError, match="is not a known unit"):
         first(log, header, "75")
     assert first(log, header, "75", unit="degC") == pytest.approx(75 + ICE)
 
