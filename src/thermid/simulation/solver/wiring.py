@@ -24,8 +24,6 @@ from thermid.model.laws.signal import (
     literal,
     multiplied,
     pulses,
-    signal,
-    together,
 )
 from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.controls import COMPLEMENT
@@ -34,6 +32,7 @@ from thermid.network.network import Network, Numbers, Reduced, eliminable, reduc
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
+from thermid.simulation.solver.schedules import Courses, read_schedule
 from thermid.units import TEMPERATURE, require
 
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
@@ -137,167 +136,6 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) ->
     if not (period > 0 and 0.0 <= duty <= 1.0):
         raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
     return pulses(period, duty)
-
-
-ROUNDING = 1e-13
-"""Share of its largest value below which a scheduled value is zero. [-]"""
-
-
-def _with_zeros(times: Array, columns: Array) -> Array:
-    """Return times (times,) with the instants at which straight lines between samples (times, signals) pass zero."""
-    before, after = columns[:-1], columns[1:]
-    rows, which = np.nonzero(before * after < 0.0)
-    share = before[rows, which] / (before[rows, which] - after[rows, which])
-    return np.union1d(times, times[rows] + share * (times[rows + 1] - times[rows]))
-
-
-class Schedule:
-    """Parameters that follow signals.
-
-    Parameters
-    ----------
-    signals : dict      Parameter path -> signal. [SI]
-    times : array       Times at which any of them must be sampled. [s]
-    hold : bool         Whether all of them hold between samples.
-    """
-
-    def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
-        self.signals = dict(signals)
-        drawn = [s.drawn(duration) for s in signals.values()]
-        self.times, self.hold = together(drawn, duration)
-        columns = np.column_stack([s.at(self.times) for s in drawn])
-        if not self.hold:  # a flow that turns has a knot where it is zero
-            self.times = _with_zeros(self.times, columns)
-            columns = np.column_stack([s.at(self.times) for s in drawn])
-            columns[np.abs(columns) < ROUNDING * np.abs(columns).max(axis=0, initial=0.0)] = 0.0
-        self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
-        self.index = self.index.ravel()
-
-    def overrides(self, k: int) -> dict[str, float]:
-        """Return path -> value of the k-th distinct combination. [SI]"""
-        return dict(zip(self.signals, self.rows[k].tolist(), strict=True))
-
-
-def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
-    """Return the schedule of a scenario with every signal in SI, or None.
-
-    Raises
-    ------
-    NameNotFoundError   When it names no parameter.
-    UnitError           When a signal has another dimension than its parameter.
-    """
-    if not scenario.schedule:
-        return None
-    parameters = network.flat.parameters
-    signals = {}
-    for raw, value in scenario.schedule.items():
-        where = f"{scenario.title}, schedule.{raw}"
-        path = parameters.freeable(raw, network.flat.names.model.canonical)
-        literal = parameters.table[path].parameter.expression.literal
-        slot = TEMPERATURE if literal and literal.unit.absolute else literal.unit.text if literal else "1"
-        signals[path] = signal(value, slot, where)
-    return Schedule(signals, scenario.seconds)
-
-
-def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) -> tuple[Numbers, dict[tuple[str, int, int], Drawn]]:
-    """Return the numbers at the reference sample, and which coefficient follows which signal.
-
-    Keys of the second are (row's name, position among the rows of that name, coefficient). A coefficient that changes is its value at the
-    reference sample times a signal; its derivatives must then scale with it, which holds for every product. One that vanishes there has
-    the sample at which it is largest for its own reference.
-
-    Raises
-    ------
-    ScenarioError   When a capacitance would change, or a freed parameter and a scheduled one do not act as a product.
-    """
-    clash = sorted(set(schedule.signals) & set(free))
-    if clash:
-        raise ScenarioError(f"'{clash[0]}' follows a schedule, so it cannot be freed. Free what multiplies it.", network.title)
-    sets = [network.numbers({**free, **schedule.overrides(k)}) for k in range(len(schedule.rows))]
-    for node, first in sets[0].capacitances.items():
-        if first is not None and any(value_of(s.capacitances[node] or 0.0) != value_of(first) for s in sets):
-            raise ScenarioError(
-                f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", network.title
-            )
-    reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
-    base = sets[reference]
-    out: dict[tuple[str, int, int], Drawn] = {}
-    every: list[tuple[ConductorRow | LoadRow | ControlRow, ...]] = [(*s.conductors, *s.loads, *s.controls) for s in sets]
-    seen: dict[str, int] = {}
-    kept: list[tuple[Number, ...]] = []
-    for r, row in enumerate(every[reference]):
-        position = seen.get(row.name, 0)
-        seen[row.name] = position + 1
-        several = [[rows[r].coefficients[c] for rows in every] for c in range(len(row.coefficients))]
-        kept.append(tuple(own[reference] if value_of(own[reference]) else max(own, key=lambda v: abs(value_of(v))) for own in several))
-        for c, (mine, own) in enumerate(zip(kept[r], several, strict=True)):
-            ratio = _ratios(mine, own, row.name, network.title)
-            if ratio is not None:
-                moving = (
-                    TableSignal(schedule.times, ratio[schedule.index], schedule.hold)
-                    if schedule.times.size > 1
-                    else Constant(float(ratio[0]))
-                )
-                out[row.name, position, c] = moving
-    count, rest = len(base.conductors), len(base.conductors) + len(base.loads)
-    conductors = tuple(replace(row, law=replace(row.law, coefficients=own)) for row, own in zip(base.conductors, kept[:count], strict=True))
-    loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:rest], strict=True))
-    controls = tuple(replace(row, coefficients=own) for row, own in zip(base.controls, kept[rest:], strict=True))
-    return replace(base, conductors=conductors, loads=loads, controls=controls), out
-
-
-def _magnitude(numbers: Numbers) -> float:
-    """Return a size by which the reference sample is chosen: one at which no scheduled coefficient vanishes, if there is any."""
-    rows: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
-    return float(sum(np.log1p(abs(value_of(r.coefficients[0]))) for r in rows))
-
-
-def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array | None:
-    """Return each value over the reference one, or None when nothing changes."""
-    plain = np.array([value_of(v) for v in values])
-    base = value_of(mine)
-    if (plain == base).all():
-        return None
-    ratio = plain / base
-    if isinstance(mine, Dual):
-        for r, v in zip(ratio, values, strict=True):
-            if isinstance(v, Dual) and not np.allclose(v.gradient, r * mine.gradient, rtol=1e-9, atol=1e-12 * np.abs(mine.gradient).max()):
-                raise ScenarioError(
-                    f"in '{name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told apart.",
-                    title,
-                )
-    return ratio
-
-
-Courses = Mapping[tuple[str, int, int], Signal]
-
-
-def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str) -> None:
-    """Refuse values at which a scheduled coefficient changes otherwise in time than it was wired to; one that is zero may stay so.
-
-    Raises
-    ------
-    ScenarioError   When a parameter that changes from run to run and a scheduled one do not act as a product.
-    """
-    for key in {*follow, *wired}:
-        if key in follow and key in wired and _same_course(follow[key], wired[key]):
-            continue
-        every: tuple[ConductorRow | LoadRow | ControlRow, ...] = (*numbers.conductors, *numbers.loads, *numbers.controls)
-        rows = [r for r in every if r.name == key[0]]
-        if key not in follow and value_of(rows[key[1]].coefficients[key[2]]) == 0.0:
-            continue
-        raise ScenarioError(
-            f"in '{key[0]}' a parameter that changes from run to run and a scheduled one do not act as a product, so one schedule does not "
-            "serve all runs. Run them one by one, with with_values.",
-            title,
-        )
-
-
-def _same_course(one: Signal, other: Signal) -> bool:
-    """Whether two signals are the same in time, to rounding."""
-    end = max(one.extent, other.extent)
-    mine, others = one.knots(0.0, end), other.knots(0.0, end)
-    return np.array_equal(mine, others) and np.allclose(one.at(mine), other.at(mine), rtol=1e-9, atol=1e-12)
 
 
 class PlacedConductor(NamedTuple):
@@ -452,6 +290,11 @@ class Wiring:
         self.cycle = common_cycle([s.cycle for s in changing.values()])
         self.signals: dict[str, Drawn] = {name: given.drawn(self.scenario.seconds) for name, given in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
+        self.courses = Courses.of(network, self.schedule) if self.schedule is not None else None
+        for key, course in self.courses.signals.items() if self.courses is not None else ():
+            name = f"schedule {' '.join(map(str, key))}"
+            self.signals[name] = course
+            self._follow[key] = name
         numbers = self.flowing(self._numbers({}), {})
         for row, position in _numbered(numbers.conductors) if self._follow else ():
             for c in range(len(row.coefficients)):
@@ -475,17 +318,7 @@ class Wiring:
         raise ScenarioError(f"nothing named '{name}' can be freed.{nearest(name, known)}", self.network.title)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
-        if self.schedule is None:
-            return self.network.numbers(free)
-        numbers, follow = scheduled(self.network, self.schedule, free)
-        if self._follow:
-            check_courses(numbers, follow, {key: self.signals[name] for key, name in self._follow.items()}, self.network.title)
-            return numbers
-        for key, given in follow.items():
-            name = f"schedule {' '.join(map(str, key))}"
-            self.signals[name] = given
-            self._follow[key] = name
-        return numbers
+        return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
 
     def flowing(self, numbers: Numbers, given: Mapping[str, Number]) -> Numbers:
         """Return the numbers with streams of gas at the temperatures of their sources; the network has them at 20 degC."""
