@@ -139,7 +139,7 @@ class _Writer:
 
     def __init__(self, w: Wired, called: str) -> None:
         self.w, self.called = w, called
-        short = identifiers(each.path for each in w.quantities)
+        short = identifiers(each.path for each in w.parameters)
         self.fields = {p: f"{n}_" if n in KEYWORDS else n for p, n in short.items()}
         self.nodes = identifiers((*w.network.nodes, *w.network.boundaries))
         self.rows = identifiers(label for label, _ in w.conductors)
@@ -177,14 +177,14 @@ class _Writer:
 
     def _parameters(self) -> Iterator[str]:
         yield from ("", "function p = parameters()", "  % Values. [SI]")
-        for each in self.w.quantities:
+        for each in self.w.parameters:
             if each.formula is None:
                 yield f"  p.{self.fields[each.path]} = {number_text(each.value)};  % {one_line(f'[{each.unit}] {each.note}')}"
         yield "end"
 
     def _derived(self) -> Iterator[str]:
         yield from ("", "function p = derived(p)", "  % Values that follow from others. [SI]")
-        for each in self.w.quantities:
+        for each in self.w.parameters:
             if each.formula is not None:
                 yield f"  p.{self.fields[each.path]} = {self.text.of(each.formula)};  % [{each.unit}]"
         yield "end"

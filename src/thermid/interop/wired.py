@@ -90,7 +90,7 @@ class HeatSource:
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
+class ExportedParameter:
     """A parameter that the rows of a network need.
 
     Parameters
@@ -137,28 +137,28 @@ class Wired:
     courses: Mapping[str, Drawn] = field(default_factory=dict)
 
     @cached_property
-    def quantities(self) -> tuple[Quantity, ...]:
+    def parameters(self) -> tuple[ExportedParameter, ...]:
         """Parameters that the rows need, each after what it is computed from; those that follow signals are left out."""
-        parameters = self.network.flat.parameters
+        table = self.network.flat.parameters
         values = self.network.numbers().values
         formulas: list[object] = [c for _, row in self.conductors for c in row.coefficients]
         formulas += [*self.capacitances.values(), *(c for s in self.sources for c in s.coefficients)]
         wanted = {path for f in formulas if isinstance(f, Formula) for path in f.paths()}
-        for path in reversed(parameters.order):
+        for path in reversed(table.order):
             if path in wanted and path not in self.courses:
-                entry = parameters.table[path]
+                entry = table.table[path]
                 wanted |= {entry.scope + n for n in entry.parameter.expression.names}
         out = []
-        for path in parameters.order:
+        for path in table.order:
             if path not in wanted or path in self.courses:
                 continue
-            entry = parameters.table[path]
+            entry = table.table[path]
             written = entry.parameter
             formula = None
             if not written.is_literal:
                 formula = written.expression.evaluate(lambda n, s=entry.scope: named(s + n, float(values[s + n])))  # type: ignore[misc]
             note = one_line(written.note or written.basis)
-            out.append(Quantity(path, float(values[path]), formula, si_unit(parameters.dimension(path)), note))
+            out.append(ExportedParameter(path, float(values[path]), formula, si_unit(table.dimension(path)), note))
         return tuple(out)
 
     @property
@@ -307,7 +307,7 @@ def _refuse_bent_courses(w: Wired, writer: Writer) -> None:
     if not bent:
         return
     known = dict.fromkeys(bent, 1)
-    for each in w.quantities:
+    for each in w.parameters:
         if each.formula is not None:
             known[each.path] = _degree(each.formula, known)
     for name, formulas in (*((label, row.coefficients) for label, row in w.conductors), *((s.load, s.coefficients) for s in w.sources)):
@@ -477,7 +477,7 @@ class Formula:
         """Itself."""
         return self
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Formula:
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         """Return the formula of a function or operator of numpy, which recipes and expressions use."""
         name = _UFUNCS.get(ufunc.__name__, ufunc.__name__)
         several = [x.item() if isinstance(x, np.ndarray) and x.size == 1 else x for x in inputs]
@@ -488,7 +488,9 @@ class Formula:
             return Formula(float(FUNCTIONS[name](*(x.value for x in parts))), name, parts)
         if name == "neg":
             return -_formula(several[0])
-        return _made(name, *several) if name in _COMPUTE else NotImplemented
+        if name in _COMPUTE:
+            return _made(name, *several)
+        return NotImplemented
 
     def paths(self) -> set[str]:
         """Return the names it holds."""

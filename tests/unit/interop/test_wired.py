@@ -55,16 +55,16 @@ def test_functions_stay_formulas() -> None:
     for one, other in zip(plain.conductors, made.conductors, strict=True):
         assert [float(c) for c in other.coefficients] == [float(c) for c in one.coefficients]
     w = wired(model, STILL, WIDE)
-    values = {each.path: each.value for each in w.quantities}
+    values = {each.path: each.value for each in w.parameters}
     made_of = {"outer": 0.045, "inner": 0.02}
     other = {p: float(v) for p, v in td.compile_network(model.with_values({"outer": "45 [mm]"})).numbers().values.items()}
     names: dict[str, Any] = {"exp": math.exp, "sqrt": math.sqrt, "log": math.log, "min": min, "max": max}
-    for each in w.quantities:
+    for each in w.parameters:
         if each.formula is not None:
             text = Text(lambda path: f"v[{path!r}]", "**").of(each.formula)
             assert eval(text, {**names, "v": values}) == pytest.approx(each.value, rel=1e-14)
     changed = {**values, **made_of}
-    for each in w.quantities:
+    for each in w.parameters:
         if each.formula is not None:
             changed[each.path] = eval(Text(lambda path: f"v[{path!r}]", "**").of(each.formula), {**names, "v": changed})
     assert changed == pytest.approx({p: other[p] for p in changed}, rel=1e-14)
@@ -85,10 +85,10 @@ def test_numpy_on_a_formula_makes_a_formula() -> None:
 def test_parameters_stand_after_what_they_are_made_of() -> None:
     w = wired(pipe(), STILL, WIDE)
     seen: set[str] = set()
-    for each in w.quantities:
+    for each in w.parameters:
         assert each.formula is None or each.formula.paths() <= seen
         seen.add(each.path)
-    units = {each.path: each.unit for each in w.quantities}
+    units = {each.path: each.unit for each in w.parameters}
     assert units["outer"] == "m"
     assert units["share"] == "-"
     assert "skin.htc" in seen
@@ -117,7 +117,7 @@ def test_a_parameter_that_follows_a_signal_is_no_quantity() -> None:
     w = wired(pipe(), STILL.with_(schedule={"skin.htc": steps}), WIDE)
     assert list(w.courses) == ["skin.htc"]
     assert w.breaks() == [600.0]
-    assert "skin.htc" not in {each.path for each in w.quantities}
+    assert "skin.htc" not in {each.path for each in w.parameters}
 
 
 def test_straight_lines_of_a_parameter_that_is_no_factor_are_refused() -> None:
