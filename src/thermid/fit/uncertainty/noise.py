@@ -15,9 +15,9 @@ import numpy as np
 from thermid.fit.minimisation import Fit, covariances
 from thermid.fit.problem.experiment import SCALE, Experiment, InputNoise, Observation
 from thermid.fit.problem.residuals import Bench, Problem, SensorTrace, loss_of
-from thermid.fit.uncertainty.rounding import blur_of, shared_rounding
 from thermid.linear_algebra import Array, Indices, finite, square_root
 from thermid.measure.record.channel import unrounded
+from thermid.measure.record.rounding import blur_of, shared_rounding
 from thermid.model.laws.signal import Constant, Signal, TableSignal
 from thermid.model.tree.flat import FlatLoad
 from thermid.renamed import Renamed
