@@ -212,6 +212,6 @@ def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> N
                 stands = f"{abs(height):.0f} degrees {'above' if height > 0 else 'below'} the horizon"
                 raise ScenarioError(
                     f"{name} is {values[k]:.0f} W/m^2 {times[k] / 3600:.4g} h after {begin}, when the sun stands {stands}. "
-                    "Look at the time zone, and at latitude and longitude.",
+                    "Check the time zone, latitude and longitude.",
                     weather.name,
                 )
