@@ -52,7 +52,7 @@ def test_stages_are_run_from_the_page(shown: Page) -> None:
     assert shown.run(f"return {states}") == "new,new,waiting"
     shown.click("[data-stage=m_PrE]")
     shown.until("!document.getElementById('error').hidden")
-    assert "not done; run that first" in shown.text("#error")
+    assert "', which has not been run." in shown.text("#error")
     shown.click("#run-stage")
     shown.until(f"{states} === 'done,done,done'")
     shown.until("document.querySelector('[data-sensor=T_ELE]')")

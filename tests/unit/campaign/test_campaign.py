@@ -572,7 +572,7 @@ def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
     again = run_stages(project)["box"]
     assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
     project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
-    assert "unit is given for 'wen', which is no channel" in str(refused(project))
+    assert "unit is given for 'wen', which is no channel is requested. Give" in str(refused(project))
 
 
 def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:

@@ -47,8 +47,8 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
 
 def test_the_author_may_take_another_and_none_may_do(tmp_path: Path) -> None:
     assert "Taken: plain" in text(td.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
-    assert "None can be taken" in text(td.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
+    assert "None is acceptable" in text(td.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
     with pytest.raises(ValueError, match=r"no structure is called 'boardd'; there are plain, lag"):
         td.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
-    with pytest.raises(ValueError, match="no structures to compare"):
+    with pytest.raises(ValueError, match="no structures are given to"):
         td.structures_report("Box", (), to=tmp_path / "d.html")

@@ -139,7 +139,7 @@ def test_local_values_and_correlations_are_listed(campaign: Campaign) -> None:
 def test_data_have_checksums_uses_and_kind(campaign: Campaign, measured: Campaign) -> None:
     table = tables.data(campaign)
     assert column(table, "record") == ["alone", "together", "held out"]
-    assert column(table, "used for") == ["fit component", "fit submodel", "held out, verdict on submodel"]
+    assert column(table, "used for") == ["fit component", "fit submodel", "hold-out record, verdict on submodel"]
     assert set(column(table, "kind")) == {"SYNTHETIC"}
     cell = row(table, "alone")["SHA-256 of the samples"]
     assert cell.tip == campaign["component"].records["alone"]

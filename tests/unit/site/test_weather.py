@@ -134,7 +134,7 @@ def test_a_window_starts_at_zero_and_stays_inside(tmp_path: Path) -> None:
         ("time,dry_bulb\n0,20\n60,warm\n", "'warm' is no number", RecordError),
         ("time,dry_bulb [K]\n0,20\n60,21\n", "dry_bulb is -253", RecordError),
         ("time,temperature\n0,20\n60,21\n", "it has no weather", RecordError),
-        ("hour,dry_bulb\n0,20\n60,21\n", "which column is the time", RecordError),
+        ("hour,dry_bulb\n0,20\n60,21\n", "the time column is not clear.", RecordError),
     ],
 )
 def test_bad_tables_are_refused(tmp_path: Path, text: str, words: str, error: type[Exception]) -> None:

@@ -122,7 +122,7 @@ def test_what_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     file.write_text("time_s,T_CASE\n", encoding="utf-8")
     assert "no samples below it" in follower.look({})["waiting"]
     file.write_text("time_s,pressure [Pa]\n0,1\n1,2\n", encoding="utf-8")
-    assert "No column looks like a temperature" in follower.look({})["waiting"]
+    assert "No column is recognised as a temperature." in follower.look({})["waiting"]
     write(file, 6)
     told = follower.look({})
     assert told["verdict"]["word"] == "too early"
@@ -149,7 +149,7 @@ def test_only_files_of_the_project_are_opened_from_the_page(log: Path, tmp_path_
     [
         ({"rule": "soon"}, "is not a rule of stability."),
         ({"since": "late"}, "'since' is a number of hours"),
-        ({"reference": "T_AIR"}, "there is no channel 'T_AIR'"),
+        ({"reference": "T_AIR"}, "unknown channel 'T_AIR'."),
     ],
 )
 def test_what_makes_no_sense_is_said(log: Path, asked: dict[str, Any], message: str) -> None:
