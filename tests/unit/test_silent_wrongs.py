@@ -195,7 +195,7 @@ def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> Non
     assert found.nusselt(1e6, 0.7, True) == pytest.approx(correlation("Nu_vertical_plate_Churchill").nusselt(1e6, 0.7, True), rel=1e-9)
     with pytest.raises(DeckError, match="'Nu_free_horizontal_plate' is for horizontal plates"):
         correlation("Nu_free_horizontal_plate")
-    with pytest.raises(DeckError, match=r"is for vertical plates, and the orientation is 'up'"):
+    with pytest.raises(DeckError, match=r"is for vertical plates, but the orientation is 'up'\."):
         correlation("Nu_free_vertical_plate", "up")
     with pytest.raises(DeckError, match="takes Pr, Gr, L, D"):
         correlation("Nu_vertical_cylinder_Al_Arabi_Khamis")

@@ -192,9 +192,9 @@ def test_damage_is_named(tmp_path: Path) -> None:
     path.write_text("\n".join(lines))
     steps = td.read_record(path, {"a": A, "b": B}).steps
     assert "damaged lines that were dropped: 1 (lines 10)" in steps
-    assert "lines that stood out of order and were put back: 2" in steps
+    assert "lines out of order that were sorted: 2" in steps
     assert "lines that stood twice: 1" in steps
-    assert "lines of the board that are missing: 2" in steps  # the damaged one and the deleted one
+    assert "missing lines of the board: 2" in steps  # the damaged one and the deleted one
 
 
 def test_a_comment_of_a_person_is_no_damage(tmp_path: Path) -> None:

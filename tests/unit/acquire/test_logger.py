@@ -102,7 +102,7 @@ def test_garbage_and_a_cut_line_are_kept_as_marks(bench: Bench) -> None:
     text = bench.path.read_text()
     assert "garbage" in text
     assert "missing" in marks(bench.path)
-    assert "lines of the board that are missing: 1" in bench.record().steps
+    assert "missing lines of the board: 1" in bench.record().steps
 
 
 def test_garbage_without_an_end_does_not_fill_the_memory(bench: Bench) -> None:
@@ -254,7 +254,7 @@ def test_the_map_is_held_against_what_answers(tmp_path: Path) -> None:
         log.close()
     assert (log.marks["absent"], log.marks["unnamed"]) == (1, 1)  # said once, however often the board is asked
     assert log.watch.faults == {made_up_rom(9): "absent"}
-    assert f"ghost (ROM {made_up_rom(9)}): it is in the map and does not answer" in (tmp_path / "b.log").read_text()
+    assert f"ghost (ROM {made_up_rom(9)}): it is in the sensor map but does not respond" in (tmp_path / "b.log").read_text()
 
 
 def test_heaters_that_were_cut_off_need_a_word_before_they_are_on_again(tmp_path: Path) -> None:

@@ -139,7 +139,7 @@ def test_coefficients_are_compared(call: Call) -> None:
         (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
         (
             ("htc", "--power", "2", "--area", "0.1", "--surface", "20", "--ambient", "24", "--height", "0.1"),
-            "error: compare_htc: 2 W and a surface -4 K from its ambient make no coefficient",
+            "error: compare_htc: 2 W and a surface -4 K from its ambient are inconsistent: heat",
         ),
         (
             ("htc", "--power", "2", "--area", "0.1", "--surface", "30", "--ambient", "24", "--height", "0.1", "--part", "coil=20"),

@@ -83,7 +83,7 @@ PLAIN = FittedValue("sensor T1", 3.1, 0.1, 0.0, False, "K", 0.0, (0.0, 0.0), kin
         ),
         (
             replace(PLAIN, path="skin.htc", kind="parameter", value=12.0, unit="W/(m^2 K)", prior=(6.0, 0.5)),
-            "skin.htc would have to be 12 W/(m^2 K), 12 standard standard standard deviations from its prior:",
+            "skin.htc would have to be 12 W/(m^2 K), 12 standard standard standard standard deviations from its prior:",
         ),
     ],
 )

@@ -254,9 +254,9 @@ def test_a_volume_vented_to_nowhere_is_refused() -> None:
 @pytest.mark.parametrize(
     ("htc", "message"),
     [
-        ({"correlation": "vertical", "length": "0.1 [m]"}, "no correlation is called 'vertical'"),
+        ({"correlation": "vertical", "length": "0.1 [m]"}, "unknown correlation 'vertical'."),
         ({"correlation": "Nu_vertical_plate_Churchil", "length": "0.1 [m]"}, "Did you mean 'Nu_vertical_plate_Churchill'"),
-        ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates: give orientation"),
+        ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates. Give orientation"),
         ({"length": "0 [m]"}, "a correlation needs a length above zero"),
         ({"correlation": "Nu_no_such_plate", "length": "1 [m]"}, "the library ht has no 'Nu_no_such_plate' for free convection"),
     ],
@@ -361,7 +361,7 @@ def test_a_volume_is_vented_to_one_that_has_a_pressure() -> None:
 
 
 def test_gas_laws_are_not_written_to_other_programs() -> None:
-    with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which rests on tables, which is not written to"):
+    with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which uses tables, which is not written to"):
         td.to_octave(plates("1 [mm]"), BENCH)
 
 

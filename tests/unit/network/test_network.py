@@ -318,7 +318,7 @@ def test_one_gas_is_not_the_other() -> None:
         ({"pressure": TableSignal(np.array([0.0, 1.0]), np.array([1e5, -1.0]))}, "the pressure is below zero."),
         ({"pressure": Sine(1e5, 2e5, 10.0)}, "the pressure is below zero."),
         ({"gravity": -1.0}, "gravity and wind must not be"),
-        ({"gas": "argon"}, "no gas is called 'argon'"),
+        ({"gas": "argon"}, "no gas was renamed to 'argon'; the"),
         ({"sealed": True, "vented": "air", "time_constant": 5.0}, "a volume is either sealed or"),
         ({"vented": "air"}, "and a time constant above zero"),
     ],

@@ -330,7 +330,10 @@ def chain(**middle: Any) -> td.Model:
 def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
     """36.5 degC for 47.4 degC."""
     found = td.reduce(chain(), ROOM, nodes=2)
-    assert found.remarks[0] == "made with 'air' in one state, air at 101325 Pa, which its conductances hold; refused in any other"
+    assert (
+        found.remarks[0]
+        == "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused"
+    )
     td.save_model(found.model, tmp_path / "small.toml")
     again = td.load_model(tmp_path / "small.toml")
     assert again == found.model
@@ -353,9 +356,9 @@ def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
 
 def test_reduce_made_phase_change_constant_without_a_remark() -> None:
     wax = [["0 [degC]", "0 [kJ/kg]"], ["27 [degC]", "54 [kJ/kg]"], ["29 [degC]", "244 [kJ/kg]"], ["80 [degC]", "346 [kJ/kg]"]]
-    with pytest.raises(DeckError, match="'b' stores heat by a table of enthalpy, latent heat with it"):
+    with pytest.raises(DeckError, match="'b' stores heat by a table of enthalpy with latent heat, which"):
         td.reduce(chain(mass="10 [g]", enthalpy={"points": wax}), ROOM, nodes=2)
     rising = {"points": [["0 [degC]", "800 [J/(kg K)]"], ["100 [degC]", "1200 [J/(kg K)]"]]}
     found = td.reduce(chain(mass="10 [g]", specific_heat=rising), ROOM, nodes=3)
-    assert any(r.startswith("'b' has a constant 912.9 ") and "in place of its table, which goes from" in r for r in found.remarks)
+    assert any(r.startswith("'b' has a constant 912.9 ") and "instead of its table, which ranges from" in r for r in found.remarks)
     assert abs(found.worst.largest) < 0.02

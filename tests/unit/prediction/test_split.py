@@ -213,7 +213,7 @@ def test_a_finish_gives_the_emissivity_and_survives_saving(tmp_path: Any) -> Non
 
 
 def test_an_unknown_finish_is_refused_with_the_nearest() -> None:
-    with pytest.raises(DeckError, match=r"surfaces\.skin\.finish: no finish is called 'paint, whit'\. Did you mean 'paint, white'"):
+    with pytest.raises(DeckError, match=r"surfaces\.skin\.finish: unknown finish 'paint, whit'\. Did you mean 'paint, white'"):
         elegfo("paint, whit")
     with pytest.raises(DeckError, match=r"There are 'aluminium, polished', .*For any other surface give its emissivity"):
         elegfo("aluminium")

@@ -67,7 +67,7 @@ SECTIONS = {
         "power 9 .. 9 W; calibrated 0 .. 5 W",
         "orientation on its side",
         "bench",
-        "the test does not say",
+        ": not given for this test",
     ],
     "What is assumed, by its effect": ["out.conductance", "four screws", "moves by, K"],
     "Model delivery": [

@@ -124,7 +124,9 @@ def test_laws_between_nodes_that_stay_are_kept() -> None:
     )
     found = td.reduce(model, WARM, nodes=3)
     assert abs(found.worst.largest) < 1e-5
-    assert found.remarks == ("made with 'air' in one state, air at 101325 Pa, which its conductances hold; refused in any other",)
+    assert found.remarks == (
+        "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused",
+    )
     forms = {r.form for r in td.compile_network(found.model).numbers().conductors}
     assert forms == {"linear", "radiation", "power"}
 

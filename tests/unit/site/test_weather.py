@@ -56,7 +56,7 @@ def test_months_of_several_years_become_one_and_it_is_said(tmp_path: Path) -> No
     weather = td.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)
     assert weather.begin is not None
     assert weather.begin.year == 2026
-    assert "a typical year, put into 2026" in weather.notes
+    assert "a typical year, dated 2026" in weather.notes
     assert weather.duration == 46.5 * 3600.0  # radiation ends in the middle of the last hour
 
 
@@ -160,5 +160,5 @@ def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
     path = tmp_path / "w.epw"
     path.write_text("LOCATION,nowhere\n", encoding="ascii")
-    with pytest.raises(RecordError, match="no EPW file that can be read"):
+    with pytest.raises(RecordError, match="this is not a readable"):
         td.read_weather(path)

@@ -61,7 +61,7 @@ def test_a_hidden_mass_is_found_written_checked_and_validated(tmp_path: Path) ->
     assert fitted["plate.capacitance"].value == pytest.approx(150.0, rel=0.05)
     text = (tmp_path / "p" / "plate.toml").read_text()
     assert "# measured: column T_plate_C" in text
-    assert "held-out readings ask for it" in text
+    assert "prediction of hold-out readings" in text
     run("simulate", str(tmp_path / "p" / "plate.toml"), "--scenario", str(tmp_path / "p" / "scenario.toml"))
 
 

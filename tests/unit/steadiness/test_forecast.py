@@ -99,7 +99,7 @@ def test_a_model_gives_the_time_constants():
     assert led.by_model
     assert led.final.error < 0.5 * alone.final.error
     assert led.final.low <= truth <= led.final.high
-    with pytest.raises(ScenarioError, match="give the scenario"):
+    with pytest.raises(ScenarioError, match="the time constants of a model"):
         td.forecast(record, model=box())
 
 
@@ -110,13 +110,13 @@ def test_when_a_rule_will_hold_and_what_that_saves():
     assert found.saved == pytest.approx(found.holds - found.now)
     assert found.holds_late >= found.holds
     assert "stopping now saves" in str(found)
-    assert "holds by now" in str(td.forecast(log(6.0)))
+    assert ": met now" in str(td.forecast(log(6.0)))
 
 
 def test_words_and_objects():
     text = str(td.forecast(log(8.0)))
-    assert "5 of 100 such forecasts end outside" in text
-    assert "cannot be seen" in text
+    assert "5 of 100 such forecasts are wrong" in text
+    assert "cannot be detected; it would" in text
     assert td.forecast(log(1.5)).as_object()["final_C"] is None
 
 
@@ -127,7 +127,7 @@ def test_words_and_objects():
         ({"until": "100 [s]"}, "40 are needed"),
         ({"level": 1.5}, "a level of 1.5 is none"),
         ({"rule": "3 C"}, "is not a rule of stability."),
-        ({"slowest": "10 [s]"}, "far below the 119.8 min that were watched"),
+        ({"slowest": "10 [s]"}, "far below the 119.8 min of readings. Give the longest"),
         ({"reference": "AIRE"}, "no channel 'AIRE'"),
     ],
 )
