@@ -204,7 +204,7 @@ def test_a_model_with_priors() -> None:
 
 
 def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
-    with pytest.raises(IdentificationError, match=r"there is nothing to choose from"):
+    with pytest.raises(IdentificationError, match=r"no test is given to choose from\."):
         td.next_test(fit, HTC)
     with pytest.raises(IdentificationError, match=r"a model alone has no uncertainties\. Give priors, or a fit\."):
         td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})

@@ -53,8 +53,8 @@ def asked(factor: float = 1.0, exchanged: bool = False, extra: float = 0.0, free
     ("request_", "kind", "words"),
     [
         (asked(exchanged=True), "exchanged", "'T0' and 'T1' are exchanged"),
-        (asked(1000.0), "unit", "'P' is in mW and was read in W"),
-        (asked(0.001), "unit", "'P' is in kW and was read in W"),
+        (asked(1000.0), "unit", "'P' is in mW but was read in W"),
+        (asked(0.001), "unit", "'P' is in kW but was read in W"),
     ],
 )
 def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: str, words: str) -> None:

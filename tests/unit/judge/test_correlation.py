@@ -85,7 +85,7 @@ def test_an_exclusion_needs_a_reason_and_room_under_the_cap() -> None:
     for reasons, cap, word in (
         ({"T1": " "}, 0.5, "without a reason"),
         ({"T1": "loose", "T2": "loose"}, 0.25, "2 of 4 sensors are excluded, the project allows 25 %"),
-        ({"T9": "loose"}, 0.5, "which is not a sensor of this"),
+        ({"T9": "loose"}, 0.5, r"'T9' is excluded, but is not a sensor here\."),
     ):
         with pytest.raises(IdentificationError, match=word):
             correlate(bad, steady=SETTLED, exclusions=Exclusions(reasons, cap))
@@ -100,7 +100,7 @@ def test_a_limit_from_memory_decides_nothing() -> None:
 
 
 def test_a_criterion_without_data_is_refused() -> None:
-    with pytest.raises(IdentificationError, match="'ECSS' judge steady cases, and there is no data for them; give its steady periods"):
+    with pytest.raises(IdentificationError, match="the criteria 'ECSS' apply to steady cases, but there are no data for them:"):
         correlate(seen(0.1), ["ECSS"])
     with pytest.raises(IdentificationError, match="holds no reading of 'T1'"):
         correlate(seen(0.1), ["ECSS"], steady={"hot": [(9000.0, 9900.0)]})

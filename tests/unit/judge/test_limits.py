@@ -43,7 +43,7 @@ def test_a_crossing_stands_where_the_closed_form_has_it() -> None:
     assert crossing.outside == pytest.approx(7200.0 - TAU * np.log(4.0), abs=0.05)
     assert crossing.worst == pytest.approx(kelvin(40.0 - 20.0 * np.exp(-7.2)), abs=1e-4)
     assert (crossing.worst_time, check.passed, check.room) == (7200.0, False, pytest.approx(-4.985, abs=1e-3))
-    assert "passes the upper limit at 1386 s" in str(check)
+    assert "exceeds the upper limit at 1386 s, furthest" in str(check)
 
 
 def test_within_limits_the_room_is_told() -> None:

@@ -271,11 +271,11 @@ def test_members_that_fail_are_left_out_and_told() -> None:
     ("more", "words"),
     [
         ({"n": 0}, "at least one member and one process"),
-        ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss.conductance' is spread twice"),
+        ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss\.conductance' has two spreads, by fit of"),
         ({"spread": {"air": {"sdd": "2 [K]"}}}, r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\".* Did you mean 'sd'\?"),
         ({"spread": {"air": "2 [%]"}}, "per cent do not apply to a temperature."),
         ({"spread": {"air": {"low": "2 [K]", "high": "1 [K]"}}}, "its low end is above its high end. Exchange"),
-        ({"spread": {"heater.power": "range"}}, "\"'range' needs min and max of the"),
+        ({"spread": {"heater.power": "range"}}, r"'range' needs min and max of the value in its deck\."),
         ({"spread": {"*.mass": "range"}}, r"the pattern '\*\.mass' matches no number with min and max"),
         ({"spread": {"airr": "1 [K]"}}, r"Did you mean 'air'\?"),
         ({"spread": {"loss.conductance": {"sd": "1e-6 [W/K]"}, "start_time": "1 [h]"}}, r"write \{ low = \"0 \[h\]\""),
@@ -294,7 +294,7 @@ def test_the_power_of_a_deck_that_the_scenario_gives_is_refused() -> None:
 
 
 def test_a_node_that_was_not_kept() -> None:
-    with pytest.raises(NameNotFoundError, match="'air' was not kept"):
+    with pytest.raises(NameNotFoundError, match=r"'air' was not stored\."):
         runs().of("air")
 
 

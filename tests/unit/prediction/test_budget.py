@@ -101,7 +101,7 @@ def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     words = [x.what for x in told.left_out]
     assert words == [
         "the model's own error, because no fit has measured it",
-        "1 assumed value that no spread names ('skin.area')",
+        "1 assumed value without a stated spread ('skin.area')",
         "inputs without a stated spread ('heat', 'start')",
     ]
     assert [x.what for x in runs.left_out] == [x.what for x in seen.left_out] == words

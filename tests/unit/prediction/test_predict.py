@@ -72,7 +72,7 @@ def test_what_else_is_not_known_is_added_and_named(found: Calibration) -> None:
     assert told["air"].final.error == pytest.approx(0.5)
     text = str(told)
     for word in (
-        "hot: temperature +- one standard error, and the band that holds the truth in 95 of 100 cases",
+        "temperature +- one standard error, and the 95 % band",
         "   95 %: ",
         "settles at",
         "from stated",
