@@ -1,0 +1,410 @@
+"""The text of one C99 header: parameters and inputs as structs, coefficients as formulas, rows as tables, steps of fixed length."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from thermid.arguments import takes_objects
+from thermid.errors import DeckError
+from thermid.files import EXPORT, write_text
+from thermid.interop.c99.stepping import MOST_CUTS, chosen_step, stated_error
+from thermid.interop.wired import Text, Wired, Writer, identifiers, one_line, wired
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
+from thermid.model.tree.model import Model
+from thermid.network.rows import curve_arrays, tables_behind
+from thermid.simulation.scenarios.scenario import Scenario
+
+C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
+MOST_NODES = 200
+"""The matrix of a step is dense and part of the caller's memory."""
+TOLERANCE = 1e-3
+KEYWORDS = frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return "
+    "short signed sizeof static struct switch typedef union unsigned void volatile while main time exp log sqrt pow fmin fmax fabs".split()
+)
+LAWS = {
+    "linear": "LINEAR",
+    "flow": "STREAM",
+    "power": "POWER",
+    "radiation": "RADIATION",
+    "potential": "POTENTIAL",
+    "gas": "GAS",
+    "natural": "NATURAL",
+    "hinge": "HINGE_OF_MEAN",
+    "hinge of difference": "HINGE_OF_DIFFERENCE",
+}
+OF_LOADS = {"signal": "SIGNAL", "polynomial": "POLYNOMIAL", "exponential": "EXPONENTIAL", "table": "TABLE_OF_TEMPERATURE"}
+OF_CONTROLS = {"": "ALWAYS", "thermostat": "THERMOSTAT", "proportional": "PROPORTIONAL"}
+CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CHATTER")
+_WIDE = 6
+
+
+@takes_objects
+def to_c(
+    model: Model,
+    scenario: Scenario,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    name: str = "",
+    step: float | None = None,
+    tolerance: float = TOLERANCE,
+) -> str:
+    """Return a model in a scenario as the text of one C99 header.
+
+    No allocation, no iteration but where a thermostat switches or a node has no mass, steps of fixed length by RODAS (E. Hairer, G. Wanner,
+    Solving Ordinary Differential Equations II, section IV.7). Parameters and inputs are structs; what follows from parameters is a formula.
+    The header states the error of its step, measured over the scenario against a run at a tolerance of 1e-9, times two.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`.
+    path : path         Where to write it too; the names in it then begin with the file's.
+    name : str          What its names begin with; by default the file's name, or the model's title.
+    step : float        Length of a step; by default the longest of 1, 2 or 5 times a power of ten within the tolerance. [s]
+    tolerance : float   Error that a step which is looked for may have. [K]
+
+    Raises
+    ------
+    DeckError       When a law cannot be written, there are more than 200 nodes, or the name is none for C.
+    ScenarioError   When the scenario does not fit the model.
+    """
+    target = Path(path) if path is not None else None
+    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", called) or called in KEYWORDS:
+        raise DeckError(
+            f"'{called}' cannot begin the names of a C header: letters, digits and _, beginning with a letter, at most 41. "
+            "Give another file name.",
+            model.title,
+        )
+    if step is not None and not (0.0 < step < math.inf):
+        raise DeckError("a step has a length above zero.", model.title)
+    w = wired(model, scenario, C)
+    if len(w.network.nodes) > MOST_NODES:
+        raise DeckError(
+            f"a C header holds {MOST_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).", model.title
+        )
+    length, error = (step, stated_error(w, step)) if step is not None else chosen_step(w, tolerance)
+    text = _Header(w, called, length, error).text()
+    if target is not None:
+        write_text(target, text, EXPORT, "//")
+    return text
+
+
+@dataclass(frozen=True)
+class _Field:
+    """A member of the struct of inputs: its name, course, unit and meaning."""
+
+    name: str
+    signal: Drawn
+    unit: str
+    what: str
+
+
+class _Header:
+    """Writes one header; ``@`` stands for its name in what it collects."""
+
+    def __init__(self, w: Wired, called: str, step: float, error: float) -> None:
+        self.w, self.called, self.step, self.error = w, called, step, error
+        self.order = (*w.massive, *w.massless)
+        self.places = {n: k for k, n in enumerate((*self.order, *w.network.boundaries))}
+        self.inputs = list(self._inputs())
+        fields = identifiers([each.path for each in w.parameters])
+        self.fields = {path: f"{word}_" if word in KEYWORDS else word for path, word in fields.items()}
+        self.derived = {each.path for each in w.parameters if each.formula is not None}
+        self.courses = dict(zip(w.courses, (f.name for f in self.inputs[-len(w.courses) :] if w.courses), strict=True))
+        self.formulas = Text(self._name, power="pow", number=_number, functions={"min": "fmin", "max": "fmax"})
+        self.curves: dict[tuple[Curve, ...], int] = {}
+        self.tables: list[Curve] = []
+        self.coefficients: list[tuple[str, str]] = []
+
+    def _name(self, path: str) -> str:
+        if path in self.courses:
+            return f"u->{self.courses[path]}"
+        return f"v_{self.fields[path]}" if path in self.derived else f"p->{self.fields[path]}"
+
+    def _inputs(self) -> Iterator[_Field]:
+        """Yield the inputs: boundaries, loads, gases, scheduled parameters."""
+        w, words = self.w, [*(f"T_{b}" for b in self.w.network.boundaries)]
+        loads, seen = [], {}  # type: list[str], dict[str, int]
+        for source in w.sources:
+            seen[source.load] = seen.get(source.load, 0) + 1
+            again = f"_{seen[source.load]}" if seen[source.load] > 1 else ""
+            loads.append(f"{'Q' if source.power == 1.0 else 'command'}_{source.load}{again}")
+        gases = list(dict.fromkeys(row.signal for _, row in w.conductors if row.signal))
+        words += [*loads, *(f"gas_{g.replace('*', 'any')}" for g in gases), *(f"at_{path}" for path in w.courses)]
+        names = list(identifiers(dict.fromkeys(words)).values())
+        self.of_boundary = names[: len(w.network.boundaries)]
+        rest = names[len(w.network.boundaries) :]
+        self.of_source, rest = rest[: len(loads)], rest[len(loads) :]
+        self.of_gas = dict(zip(gases, rest, strict=False))
+        for name, (boundary, signal) in zip(self.of_boundary, w.boundaries.items(), strict=True):
+            yield _Field(name, signal, "K", f"temperature of {boundary}")
+        for name, source in zip(self.of_source, w.sources, strict=True):
+            watts = source.power == 1.0
+            yield _Field(name, source.signal, "W" if watts else "-", f"{'power' if watts else 'command'} of the load {source.load}")
+        for gas, name in self.of_gas.items():
+            yield _Field(name, w.gas[gas], "-", f"course of {gas}")
+        for name, (path, signal) in zip(rest[len(gases) :], w.courses.items(), strict=True):
+            yield _Field(name, signal, "SI", f"{path}, which follows a schedule")
+
+    # ---- what stands in the file
+
+    def text(self) -> str:
+        """Return the header."""
+        body = [*self._rows(), *self._boundaries_and_between()]
+        coefficients = list(self._coefficient_function())
+        library = (Path(__file__).parent / "fixed_step.h").read_text(encoding="ascii")
+        plain, _, run = library.partition("#ifndef @_WITHOUT_SCENARIO\n")
+        lines = [*self._head(), *self._structs(), *self._sizes(), *body, *coefficients]
+        text = "\n".join([*lines, plain.rstrip(), "", "#ifndef @_WITHOUT_SCENARIO", *self._scenario(), run.rstrip(), "#endif"])
+        return re.sub(r"@(?=_)", self.called, text) + "\n"
+
+    def _head(self) -> Iterator[str]:
+        w, called = self.w, self.called
+        guard = f"THERMID_{called.upper()}_H"
+        title, scenario = _comment(w.network.title), _comment(w.scenario.title)
+        yield f"/* {called}.h: temperatures of the thermal model '{title}' in the scenario '{scenario}'. C99, no allocation."
+        yield ""
+        yield "   #include it in one place and link with -lm. Temperatures in K, heat in W, time in s, parameters in SI."
+        yield f"       {called}_model m; {called}_parameters p; {called}_inputs u;"
+        yield f"       {called}_defaults(&p); {called}_scenario(0.0, 0, &u); {called}_start(&m, &p, &u);"
+        yield f"       {called}_step(&m, &p, &u, &u, {called}_STEP);    one step; inputs run straight from the first to the second"
+        yield f"       {called}_run(&m, &p, 3600.0);                    or the scenario of the export, up to a time"
+        yield f"       m.T[{called}_NODE_...]                           what follows from it"
+        yield f"   Each returns 0, or one of {called}_SINGULAR ... {called}_CHATTER. -D {called}_WITHOUT_SCENARIO leaves the scenario out."
+        yield ""
+        yield f"   Step {self.step:g} s. Error of nodes with mass at most {self.error:g} K: twice the largest difference to a run at a"
+        yield "   tolerance of 1e-9 over this scenario at these values, measured at export. With other values or inputs it may differ;"
+        yield "   m.error is the sum of what each step estimates of its own error."
+        yield f"   Where a thermostat switches a step is cut, at most {MOST_CUTS} times, each cut found within 40 trial steps."
+        if w.massless:
+            yield f"   Without mass, solved in each step: {_comment(', '.join(w.massless))}."
+        yield f"   Written by thermid {version('thermid')}. */"
+        yield from (f"#ifndef {guard}", f"#define {guard}", "#include <math.h>", "")
+
+    def _structs(self) -> Iterator[str]:
+        w, name = self.w, self.called
+        yield "/* Values that may be changed. What follows from them is computed in every step. */"
+        yield "typedef struct {"
+        free = [each for each in w.parameters if each.formula is None]
+        for each in free:
+            yield f"    double {self.fields[each.path]}; /* [{each.unit}] {_comment(f'{each.path} {each.note}')} */"
+        if not free:
+            yield "    char none;"
+        yield f"}} {name}_parameters;"
+        yield from ("", "typedef struct {")
+        for given in self.inputs:
+            yield f"    double {given.name}; /* [{given.unit}] {_comment(given.what)} */"
+        yield f"}} {name}_inputs;"
+        yield from ("", f"static inline void {name}_defaults({name}_parameters *p) {{")
+        for each in free:
+            yield f"    p->{self.fields[each.path]} = {_number(each.value)};"
+        if not free:
+            yield "    p->none = 0;"
+        yield "}"
+
+    def _sizes(self) -> Iterator[str]:
+        w, switches = self.w, self._switches()
+        yield from ("", "/* Nodes, as they stand in m.T. */")
+        for k, (node, word) in enumerate(identifiers(self.order).items()):
+            yield f"#define @_NODE_{word} {k} /* {_comment(node)} */"
+        yield "enum {"
+        yield f"    @_NODES = {len(self.order)}, @_MASSLESS = {len(w.massless)}, @_BOUNDARIES = {len(w.network.boundaries)},"
+        yield f"    @_CONDUCTORS = {len(w.conductors)}, @_LOADS = {len(w.sources)}, @_SWITCHES = {len(switches)},"
+        yield f"    @_MOST_ITERATIONS = 40, @_MOST_CUTS = {MOST_CUTS}"
+        yield "};"
+        every = [*LAWS.values(), "TABLE_OF_MEAN", "TABLE_OF_DIFFERENCE"]
+        for words in (every, OF_LOADS.values(), OF_CONTROLS.values(), CODES):
+            yield f"enum {{ {', '.join(f'@_{word}' for word in words)} }};"
+        yield f"#define @_STEP {_number(self.step)} /* [s] */"
+        yield f"#define @_ERROR {_number(self.error)} /* [K] */"
+        yield "typedef struct { int law, a, b, first, table; } @_conductor;"
+        yield "typedef struct { int law, node, follows, first, table, control, settings, watches, state; } @_load;"
+        yield "typedef struct { int watches, settings, state; } @_switch;"
+
+    def _rows(self) -> Iterator[str]:
+        """Yield capacities, rows of conductors and loads, and what they look up; their coefficients are collected."""
+        w = self.w
+        capacity = [self._add(w.capacitances[n], f"C of {n}") if w.capacitances[n] is not None else -1 for n in self.order]
+        conductors = []
+        for label, row in w.conductors:
+            by = f"u->{self.of_gas[row.signal]}" if row.signal else ""
+            first = self._add_all([(c, by if k == 0 else "") for k, c in enumerate(row.coefficients)], label)
+            law = LAWS.get(row.form, "")
+            if row.form == "table":
+                law = "TABLE_OF_DIFFERENCE" if row.curve is not None and row.curve.over == "difference" else "TABLE_OF_MEAN"
+            if not law:
+                raise DeckError(f"'{label}' is of a form that is not written to C: {row.form}.", w.network.title)
+            a, b = (self.places[end] for end in row.ends)
+            conductors.append(f"{{@_{law}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
+        states = self._switches()
+        loads, switches = [], {}  # type: list[str], dict[int, str]
+        for name, source in zip(self.of_source, w.sources, strict=True):
+            first = self._add_all([(source.power, f"u->{name}"), *((c, "") for c in source.rest)], source.load)
+            settings = self._add_all([(c, "") for c in source.settings], f"control of {source.load}")
+            if source.control == "proportional" and len(source.settings) == 2:
+                self._add_all([(source.power, f"u->{name}")], f"full power of {source.load}")
+            node, follows = self.places[source.node], self.places[source.sensor or source.node]
+            watches = self.places[source.watched] if source.control else 0
+            state = states.index(source.load) if source.control == "thermostat" else 0
+            table = self._table(source.form, source.curve)
+            law, control = OF_LOADS[source.form], OF_CONTROLS[source.control]
+            numbers = f"{node}, {follows}, {first}, {table}, @_{control}, {settings}, {watches}, {state}"
+            loads.append(f"{{@_{law}, {numbers}}} /* {_comment(source.load)} */")
+            if source.control == "thermostat":
+                switches.setdefault(state, f"{{{watches}, {settings}, {state}}}")
+        yield ""
+        yield "/* Places of capacitances among the coefficients, -1 of a node without mass; temperatures at the start. */"
+        yield from _array("static const int @_capacity[]", [str(c) for c in capacity])
+        start = {**w.initial, **dict.fromkeys(w.massless, sum(w.initial.values()) / max(len(w.initial), 1) or 293.15)}
+        yield from _array("static const double @_begin[]", [_number(start[n]) for n in self.order])
+        yield from _array("static const @_conductor @_conductor_rows[]", conductors or ["{0, 0, 0, 0, 0}"], 1)
+        yield from _array("static const @_load @_load_rows[]", loads or ["{0, 0, 0, 0, 0, 0, 0, 0, 0}"], 1)
+        yield from _array("static const @_switch @_switch_rows[]", [switches[k] for k in sorted(switches)] or ["{0, 0, 0}"], 1)
+        yield from self._table_arrays()
+        yield from ("", "/* State and working memory of a run. */", "typedef struct {")
+        yield "    double T[@_NODES], time, error;"
+        yield "    unsigned char on[@_SWITCHES + 1];"
+        yield f"    double all[@_NODES + @_BOUNDARIES], coefficient[{len(self.coefficients)}], begin[@_NODES];"
+        yield "    double matrix[@_NODES * @_NODES], stage[6][@_NODES], drift[@_NODES], work[@_NODES], mass[@_NODES];"
+        yield "    int pivot[@_NODES];"
+        yield "} @_model;"
+
+    def _switches(self) -> list[str]:
+        return list(dict.fromkeys(s.load for s in self.w.sources if s.control == "thermostat"))
+
+    def _add(self, formula: object, what: str, by: str = "") -> int:
+        text = self.formulas.of(formula, 2) if by else self.formulas.of(formula)  # type: ignore[arg-type]
+        self.coefficients.append((f"{text}*{by}" if by and text != "1.0" else by or text, what))
+        return len(self.coefficients) - 1
+
+    def _add_all(self, several: Sequence[tuple[object, str]], what: str) -> int:
+        first = len(self.coefficients)
+        for formula, by in several:
+            self._add(formula, what, by)
+        return first
+
+    def _table(self, form: str, curve: Curve | None) -> int:
+        """Return the first table of a law, kept for the file."""
+        if curve is None:
+            return 0
+        behind = tables_behind(form, curve)
+        if behind not in self.curves:
+            self.curves[behind] = len(self.tables)
+            self.tables += behind
+        return self.curves[behind]
+
+    def _table_arrays(self) -> Iterator[str]:
+        x, y, d, begin, smooth, low, high = [], [], [], [0], [], [], []  # type: ignore[var-annotated]
+        for curve in self.tables:
+            knots, values, slopes = curve_arrays(curve)
+            x += knots.tolist()
+            y += values.tolist()
+            d += slopes.tolist() or [0.0] * knots.size
+            begin.append(len(x))
+            smooth.append(str(int(slopes.size > 0)))
+            limits = curve.limits or (-math.inf, math.inf)
+            low.append(_number(max(limits[0], -1e30)))
+            high.append(_number(min(limits[1], 1e30)))
+        yield from ("", "/* Tables, one behind the other. */")
+        yield from _array("static const int @_table_begin[]", [str(k) for k in begin] + (["0"] if not self.tables else []))
+        yield from _array("static const int @_table_smooth[]", smooth or ["0"])
+        for word, numbers in (("x", x), ("y", y), ("d", d)):
+            yield from _array(f"static const double @_table_{word}[]", [_number(n) for n in numbers] or ["0.0"])
+        for word, texts in (("low", low), ("high", high)):
+            yield from _array(f"static const double @_table_{word}[]", texts or ["0.0"])
+
+    def _coefficient_function(self) -> Iterator[str]:
+        yield from ("", "/* All coefficients, from parameters and inputs. [SI] */")
+        yield "static inline void @_coefficients(const @_parameters *p, const @_inputs *u, double *c) {"
+        for each in self.w.parameters:
+            if each.formula is not None:
+                yield f"    const double v_{self.fields[each.path]} = {self.formulas.of(each.formula)}; /* [{each.unit}] */"
+        for k, (text, what) in enumerate(self.coefficients):
+            yield f"    c[{k}] = {text}; /* {_comment(what)} */"
+        yield from ("    (void)p; (void)u; (void)c;", "}", "")
+
+    def _boundaries_and_between(self) -> Iterator[str]:
+        yield from ("", "static inline void @_boundaries(const @_inputs *u, double *T) {")
+        yield from (f"    T[{k}] = u->{name};" for k, name in enumerate(self.of_boundary))
+        yield from ("    (void)u; (void)T;", "}")
+        yield from ("", "/* Inputs at a share of a step. */")
+        yield "static inline void @_between(const @_inputs *u0, const @_inputs *u1, double share, @_inputs *u) {"
+        yield from (f"    u->{each.name} = u0->{each.name} + share * (u1->{each.name} - u0->{each.name});" for each in self.inputs)
+        yield "}"
+
+    def _scenario(self) -> Iterator[str]:
+        """Yield the inputs of the scenario as functions of time."""
+        breaks = [t for t in self.w.breaks() if t < self.w.scenario.seconds]
+        yield f"enum {{ @_BREAKS = {len(breaks)} }};"
+        yield from _array("static const double @_break[]", [_number(t) for t in breaks] or ["0.0"])
+        moment = _number(1e-9 * self.step)
+        yield "/* Value of a table in time; of held values the one before a jump, or the one after. */"
+        yield "static inline double @_course(const double *x, const double *y, int size, int hold, double t, int before) {"
+        yield f"    const double at = before ? t - {moment} : t + {moment};"
+        yield "    int low = 0, high = size - 1;"
+        yield "    if (at <= x[0]) return y[0];"
+        yield "    if (at >= x[size - 1]) return y[size - 1];"
+        yield "    while (high - low > 1) {"
+        yield "        const int middle = (low + high) / 2;"
+        yield "        if (x[middle] <= at) low = middle; else high = middle;"
+        yield "    }"
+        yield "    return hold ? y[low] : y[low] + (t - x[low]) / (x[high] - x[low]) * (y[high] - y[low]);"
+        yield "}"
+        yield from ("", "/* Inputs of the scenario of the export at a time, before a jump there or after it. */")
+        yield "static inline void @_scenario(double t, int before, @_inputs *u) {"
+        for each in self.inputs:
+            yield from (f"    {line}" for line in _signal(each))
+        yield from ("    (void)t; (void)before;", "}", "")
+
+
+def _signal(each: _Field) -> Iterator[str]:
+    """Yield the statements that set one input."""
+    given = each.signal
+    if isinstance(given, Sine):
+        angle = f"{_number(2.0 * math.pi / given.period)} * t + {_number(given.phase)}"
+        yield f"u->{each.name} = {_number(given.mean)} + {_number(given.amplitude)} * sin({angle});"
+    elif isinstance(given, TableSignal) and given.times.size > 1:
+        yield "{"
+        yield from (f"    {line}" for line in _array("static const double x[]", [_number(t) for t in given.times.tolist()]))
+        yield from (f"    {line}" for line in _array("static const double y[]", [_number(v) for v in given.values.tolist()]))
+        yield f"    u->{each.name} = @_course(x, y, {given.times.size}, {int(given.hold)}, t, before);"
+        yield "}"
+    else:
+        value = given.value if isinstance(given, Constant) else float(given.values[0])
+        yield f"u->{each.name} = {_number(value)};"
+
+
+def _array(head: str, items: Iterable[str], wide: int = _WIDE) -> Iterator[str]:
+    """Yield an array over as many lines as it needs."""
+    words = list(items)
+    if len(words) <= wide:
+        yield f"{head} = {{{', '.join(words)}}};"
+        return
+    yield f"{head} = {{"
+    for k in range(0, len(words), wide):
+        row = words[k : k + wide]
+        if wide == 1:  # the comma stands before a comment
+            yield "    " + re.sub(r"( /\*|$)", r",\1", row[0], count=1)
+        else:
+            yield "    " + ", ".join(row) + ","
+    yield "};"
+
+
+def _number(value: float) -> str:
+    """Return a number as a constant of type double."""
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def _comment(text: str) -> str:
+    """Return an author's words so that they stay in their comment."""
+    return one_line(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").strip()
