@@ -195,7 +195,7 @@ def export(
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     if step is not None and form != "c":
-        raise DeckError(ff"a step is of a C header; '{form}' has no steps of its own.", "--step")
+        raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
     name = to.stem if to is not None else ""
     if form == "octave":
         text = to_octave(model, conditions, name=name)

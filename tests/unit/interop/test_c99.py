@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.interop.c99 import stepping, to_c
-from thermid.interop.c99.stepping import COUPLED, DRIFT, GAMMA, STAGES, TIMES, nice_steps, step_grid
+from thermid.interop import c99 as writing
+from thermid.interop.c99 import COUPLED, DRIFT, GAMMA, STAGES, TIMES, nice_steps, step_grid, to_c
 from unit.interop.networks import SIGNALS, hot_box
 from unit.interop.programs import c99
 
@@ -163,7 +163,7 @@ def test_the_method_is_of_its_order() -> None:
         assert found == pytest.approx(wanted, abs=1e-12), name
     np.testing.assert_allclose(at, TIMES, atol=1e-12)
     np.testing.assert_allclose(gamma.sum(axis=1), DRIFT, atol=1e-12)
-    header = (Path(stepping.__file__).parent / "fixed_step.h").read_text()
+    header = (Path(str(writing.__file__)).parent / "fixed_step.h").read_text()
     for number in {n for row in (*STAGES, *COUPLED, TIMES, DRIFT) for n in row}:
         assert re.search(rf"[{{ ]{re.escape(repr(number))}0*[,}}]", header), number
 
