@@ -29,7 +29,9 @@ from thermid.cli.options import (
     say,
     scenario_of,
 )
+from thermid.cli.screen import show
 from thermid.errors import DeckError, OutputError, refuse_unknown
+from thermid.extensions import require
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
 from thermid.interop.decks.esatan import read_esatan
@@ -55,7 +57,7 @@ def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str
         shown = {"file": to.name} if to is not None else {"text": text}
         say(True, {**shown, **more}, "")
     elif to is not None:
-        typer.echo(f"written: {to}")
+        show(f"written: {to}")
     else:
         typer.echo(text, nl=False)
 
@@ -79,7 +81,10 @@ def import_file(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Read a deck of SINDA or ESATAN as a model and a scenario, or the values of an InitFcn script."""
+    """Read a SINDA or ESATAN deck, or an InitFcn script.
+
+    A deck becomes a model and a scenario; of a script the values are read. What cannot be said is listed.
+    """
     if file.suffix.lower() == ".m":
         _import_script(file, to, block, force, as_json)
         return
@@ -116,7 +121,10 @@ def write_back(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Write fitted values into copies of a SINDA or ESATAN deck: equal but for the numbers that changed, each with a comment."""
+    """Write fitted values into copies of a SINDA or ESATAN deck.
+
+    The copies are equal but for the numbers that changed, each with a comment.
+    """
     network = _network(file)
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
@@ -181,7 +189,10 @@ def export(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN."""
+    """Write a model for Octave, MATLAB, SPICE, SINDA or ESATAN.
+
+    The scenario is written with it. What the format cannot say is refused.
+    """
     forms = ("octave", "spice", "sinda", "esatan")
     refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
@@ -190,7 +201,7 @@ def export(
     text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else writers[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
-        typer.echo(standing.line(), err=True)  # what is written is for another tool to read
+        show(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, {"octave": "%", "spice": "*", "sinda": "C", "esatan": "#"}[form], standing=standing.to_dict())
     leave(standing)
 
@@ -203,7 +214,11 @@ def equations(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Derive the state equations of a linear model as symbols (needs sympy)."""
+    """Derive the state equations of a linear model as symbols.
+
+    Needs sympy.
+    """
+    require("symbolic", "thermid equations")
     forms = ("text", "latex", "python", "octave")
     refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
     system = derive.equations(load_model(deck), pairs(name, "--name"))
