@@ -162,6 +162,8 @@ class Network:
         return self.memo.made("controls", self._named_controls)
 
     def _named_controls(self) -> tuple[str, ...]:
+        if not self.flat.controls:
+            return ()
         by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
         named = {name for several in by for name in control_names(several)} | set(self.steered)
         return tuple(name for name in self.flat.controls if name in named)

@@ -15,8 +15,7 @@ from thermid.errors import NameNotFoundError, RecordError, ThermidError, refuse_
 from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
-from thermid.measure.record.channel import SecondClock
-from thermid.measure.record.scatter import found_noise, step_of
+from thermid.measure.record.channel import SecondClock, found_noise, step_of
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
