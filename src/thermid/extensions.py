@@ -11,7 +11,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Final
 
-from thermid.errors import ThermidError, quoted
+from thermid.errors import MissingExtraError, ThermidError, quoted
 
 POINTS: Final = {
     "surroundings of a scenario file": ("thermid.site", "surroundings", "surrounded"),
@@ -36,10 +36,6 @@ def extension(point: str, where: str) -> Callable[..., Any]:
             raise
         raise ThermidError(f"{point} needs the part {part}, which is not installed. Install the whole of thermid.", where) from None
     return getattr(loaded, function)  # type: ignore[no-any-return]
-
-
-class MissingExtraError(ThermidError, ImportError):
-    """An optional package is not installed; the message says which command installs it."""
 
 
 DISTRIBUTIONS: Final = {"serial": "pyserial", "nptdms": "npTDMS", "python_calamine": "python-calamine"}

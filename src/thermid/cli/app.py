@@ -15,8 +15,8 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from thermid.cli.screen import show
-from thermid.errors import ThermidError
-from thermid.extensions import MissingExtraError, missing
+from thermid.errors import MissingExtraError, ThermidError
+from thermid.extensions import missing
 from thermid.files import command
 
 

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from thermid.cli.options import CampaignPath, Data, Json, leave, pairs, say, staged
-from thermid.cli.screen import working
+from thermid.cli.screen import show, working
+from thermid.cli.summary import show_campaign
 from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
 from thermid.reporting.pages import campaign as page
@@ -168,18 +169,22 @@ def example(
     if run and not asked.campaign:
         raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
-        typer.echo(asked.data.words, err=True)
+        show(asked.data.words, err=True)
     made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
     content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
     if not run:
         say(as_json, content, str(made))
         return
     if not as_json:
-        typer.echo(str(made))
+        show(str(made))
     result = staged(made.folder / asked.campaign, None, made.folder / "results")
-    result.save(made.folder / "results")
+    files = result.save(made.folder / "results")
     where = page.report(result, to=made.folder / "report.html")
-    say(as_json, {**content, "page": str(where), "passed": result.passed}, f"{result}\nreport: {where}")
+    if as_json:
+        say(True, {**content, "page": str(where), "passed": result.passed}, "")
+    else:
+        show_campaign(result, [f.name for f in files])
+        show(f"report: {where}")
     leave(result.standing, result.exit_code)
 
 

@@ -13,7 +13,8 @@ import pytest
 
 from thermid.cli import options, screen
 from thermid.cli.screen import LONGEST, Progress, folded, severity, spoken, working
-from thermid.extensions import MissingExtraError, missing, modules_of, require
+from thermid.errors import MissingExtraError
+from thermid.extensions import missing, modules_of, require
 from unit.cli.conftest import Call
 
 pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
