@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import SCALE, Experiment
+from thermid.fit.problem.experiment import SCALE, Experiment, of_a_sensor
 from thermid.fit.problem.gather import wired
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
@@ -359,7 +359,7 @@ def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     fixed = {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
     every = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
     # a sensor that is a node of its own is an instrument: no other kind of run of the hardware has it
-    names = {n: group for n, group in every.items() if n not in fixed and not any(p.startswith("sensor_") for p in n.split("."))}
+    names = {n: group for n, group in every.items() if n not in fixed and not of_a_sensor(n)}
     if not names:
         return None
     runs = _runs(fit, problem, names, misfit)

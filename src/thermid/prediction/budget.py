@@ -24,6 +24,7 @@ from thermid.fit.discrepancy import (
     losing_gas,
     misfit_kept,
 )
+from thermid.fit.problem.experiment import of_a_sensor
 from thermid.fit.regime_runs import kind_of_run
 from thermid.fit.regimes import FEW, LEFT, KindsSeen
 from thermid.knowledge.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
@@ -478,7 +479,7 @@ class Budget:
         names = list(seen.directions)
         free, moved = seen.response()
         # a sensor that is a node of its own has values too, which the predicted model does not hold
-        alien = {n for n in (*names, *free) if "sensor_" in n and n not in flat.parameters.table}
+        alien = {n for n in (*names, *free) if of_a_sensor(n) and n not in flat.parameters.table}
         fixed = self.scenario.driven(flat) | alien
         sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
         gain = np.diag(sizes)
