@@ -391,8 +391,8 @@ def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, float, flo
     for column, (name, factor, shift, absent) in table.items():
         if column in data:
             raw = np.asarray(data[column], dtype=np.float64)
-            # codes for a absent value stand at, or beyond, the format's own
-            gone = raw <= absent if missing < 0 else raw >= missing
+            # codes for a missing value stand at, or beyond, the format's own
+            gone = raw <= absent if absent < 0 else raw >= absent
             out[name] = np.where(gone, np.nan, raw * factor + shift)
     return out
 
