@@ -116,6 +116,7 @@ class Enthalpy:
         self.liquid = dict.fromkeys(self.nodes, False)
         self.heat = np.array([self.begin(n, start) for n in self.nodes])
         self.events: list[float] = []
+        self.paces: list[float] = []  # of the melt at each event [K/s]
 
     def field(self, node: str, name: str) -> float:
         table = self.deck["nodes"][node]
@@ -169,7 +170,9 @@ class Enthalpy:
             for e in events:
                 e.terminal = True
             end = next(k for k in knots if k > now)
-            found = solve_ivp(self.rates, (now, end), self.heat, "DOP853", events=events, dense_output=True, rtol=1e-11, atol=1e-6)
+            # events are looked for on the dense output, of a lower order than the steps
+            fine = {"rtol": 1e-11, "atol": 1e-6, "max_step": 60.0}
+            found = solve_ivp(self.rates, (now, end), self.heat, "DOP853", events=events, dense_output=True, **fine)
             inside = times[(times >= now) & ((times < found.t[-1]) | (found.t[-1] == times[-1]))]
             rows += [[self.temperature(k, h) for k, h in enumerate(found.sol(t))] for t in inside]
             now, self.heat = float(found.t[-1]), found.y[:, -1].copy()
@@ -178,6 +181,9 @@ class Enthalpy:
                     self.pass_by(k, level, what, self.rates(now, self.heat)[k])
                     if what in ("molten", "freezes"):
                         self.events.append(now)
+                        node = self.nodes[k]
+                        heat = self.field(node, "mass") * self.field(node, "liquid_specific_heat")
+                        self.paces.append(abs(self.rates(now, self.heat)[k]) / heat)
         return np.array(rows)
 
     def pass_by(self, k: int, level: float, what: str, rate: float) -> None:
@@ -234,7 +240,9 @@ def check_random(seed: int) -> int:
     found = np.column_stack([run[n].kelvin for n in oracle.nodes])
     assert np.abs(found - expected).max() < 1e-3, seed
     switched = [t for t, _ in run.statistics["switchings"]]
-    np.testing.assert_allclose(switched, oracle.events, rtol=0.0, atol=1e-3, err_msg=str(seed))
+    assert len(switched) == len(oracle.events), seed
+    late = np.abs(np.array(switched) - oracle.events)
+    assert (late < 1e-3 + 1e-5 / np.array(oracle.paces)).all(), seed  # 1 ms, and what 10 uK make of an instant that comes slowly
     assert run.heat_balance().relative < 1e-9, seed
     return len(switched)
 
@@ -246,7 +254,7 @@ def test_random_melts(seed: int) -> None:
 
 @pytest.mark.campaign
 def test_many_random_melts() -> None:
-    assert sum(check_random(seed) for seed in range(100, 300)) > 400
+    assert sum(check_random(seed) for seed in range(100, 300)) > 800
 
 
 def test_derivatives_are_differences() -> None:

@@ -121,7 +121,7 @@ class NodeTable(ElementTable):
         if not melts and self.melts_to is None:
             raise DeckError("supercooling beside an enthalpy counts from melts_to, where everything is liquid.", where("melts_to"))
         liquidus = (
-            melts.get("melts_to", melts.get("melts_from", 0.0)) if melts else literal(self.melts_to, "temperature", where("melts_to"))
+            melts.get("melts_to", melts.get("melts_from", 0.0)) if melts else literal(self.melts_to or "", "temperature", where("melts_to"))
         )
         return Supercooling(liquidus, degree, self.starts or "solid")
 
