@@ -214,7 +214,9 @@ class _Case:
         what = "an energy balance at one instant"
         refuse_controllers(self.network.flat.controls, self.network.controls, what)
         if cools := [n for n, store in self.network.stores.items() if store.melt is not None]:
-            raise DeckError(f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and take its heat balance.")
+            raise DeckError(
+                f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and read the run's balance."
+            )
         known = {n: np.array([t]) for n, t in at.items()}
         flows = wiring.conductor_flows(a.numbers, known, zero, wiring.shares(a.numbers, known.__getitem__, zero))
         columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
