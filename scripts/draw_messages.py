@@ -7,45 +7,20 @@ The same seed draws the same texts from the same state of the sources.
 from __future__ import annotations
 
 import argparse
-import ast
 import json
 import random
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-WORDS = 7
+sys.path.insert(0, str(ROOT / "tests" / "docs"))
+
+from messages import WORDS, messages
+
 GUIDES = ("docs/*.md", "docs/howto/*.md", "docs/from/*.md", "docs/studies/*.md")
 NOT_GUIDES = {"benchmarks.md", "coverage.md", "mutants.md", "nomenclature.md", "recipes.md", "schema.md"}
-
-
-def text_of(node: ast.AST) -> str | None:
-    """Text of a literal or of a formatted one, its places as {expression}."""
-    match node:
-        case ast.Constant(value=str(text)):
-            return text
-        case ast.JoinedStr(values=parts):
-            return "".join(p.value if isinstance(p, ast.Constant) else "{" + ast.unparse(p.value) + "}" for p in parts)
-    return None
-
-
-def messages(path: Path) -> Iterator[tuple[int, str]]:
-    """Line and text of every message of a file."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    skipped: set[int] = set()
-    for node in ast.walk(tree):
-        match node:
-            case ast.Expr(value=ast.Constant() as text):  # docstrings, and those of attributes
-                skipped.add(id(text))
-            case ast.keyword(arg="help" | "description" | "epilog", value=text):
-                skipped.add(id(text))
-            case ast.JoinedStr(values=parts):
-                skipped.update(id(part) for part in parts)
-    for node in ast.walk(tree):
-        text = None if id(node) in skipped else text_of(node)
-        if text and len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{[^}]*\}", " ", text))) >= WORDS and "<" not in text:
-            yield node.lineno, text
 
 
 def all_messages() -> list[dict[str, object]]:

@@ -279,7 +279,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
         return [kept], []
     if len(places) > 1:
         raise IdentificationError(
-            f"stage '{level.name}' stands at {len(places)} places of '{campaign.title}', and the part in one of them. Give the "
+            f"stage '{level.name}' is used at {len(places)} places of '{campaign.title}', but the part is replaced at one only. Give the "
             "rebuilt unit a separate stage.",
             part,
         )

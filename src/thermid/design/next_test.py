@@ -426,7 +426,7 @@ def next_test(
     every: str | float = "1 [min]",
     goal: str = "",
 ) -> Advice:
-    """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it stands.
+    """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it is.
 
     Parameters
     ----------

@@ -254,7 +254,7 @@ class Pulses:
         return cls(rough, nodes, edges, len(fit.problem.unknowns))
 
     def seen(self, known: Mapping[str, float], heat: Heat | None = None) -> tuple[Array, Array]:
-        """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can make up for."""
+        """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can compensate."""
         given = np.zeros(len(self.nodes) * PULSES)
         if heat is not None:
             amount = known.get(f"{PLACED}amount", 0.0)

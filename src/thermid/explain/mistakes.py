@@ -1,7 +1,7 @@
 """`find_mistakes`: which mistake in a log, a deck or on the bench would explain that a model misses its readings, or its own deck.
 
 Every mistake is a hypothesis of its own: the request, or the readings, as they would be without it. Each is fitted to the same thinned
-readings with the same weak priors about the deck, and compared with the request as it stands by the height of its posterior.
+readings with the same weak priors about the deck, and compared with the request as it is by the height of its posterior.
 """
 
 from __future__ import annotations

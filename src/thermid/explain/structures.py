@@ -225,18 +225,21 @@ class StructureSearch:
         if self.proposed is self.start:
             lines = ["No change of the structure is supported by the hold-out readings."]
         else:
-            lines = [f"Proposed: {self.proposed.name} (held-out log-likelihood {gain:+.3g})."]
+            lines = [f"Proposed: {self.proposed.name} (log-likelihood of the hold-out readings {gain:+.3g})."]
             lines.append(f"  RMSE {short(self.start.rmse, 3)} -> {short(self.proposed.rmse, 3)} K")
             for (text, possible), change in zip(self.proposed.judged(), self.proposed.changes, strict=True):
                 lines.append(f"  {change.name}: {text}{'' if possible else ', which is not physically possible'}")
         for one in self.ties:
             if one.nodes != self.proposed.nodes:
                 apart = self.likelihood(one) - gain
-                lines.append(f"  Not separable from it: {one.name} ({one.nodes} masses; held-out log-likelihood differs by {apart:+.2g}).")
+                lines.append(
+                    f"  Not separable from it: {one.name} ({one.nodes} masses; log-likelihood of the hold-out readings differs by "
+                    f"{apart:+.2g})."
+                )
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
         shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
-        lines += ["  refitted, held-out log-likelihood over the structure at the beginning:", *shown] if shown else []
+        lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
         if not self.complete:
             lines.append("  The time limit ended the search, so more changes may be supported. Allow more seconds.")

@@ -251,7 +251,7 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
 
 
 def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> None:
-    """Refuse a fit of unknowns that the records cannot tell apart.
+    """Refuse a fit of unknowns that the records cannot separate.
 
     Raises
     ------
@@ -272,7 +272,7 @@ def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], C
 
 
 def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
-    """Return what cannot be told apart, what is known instead, and what to do."""
+    """Return what cannot be separated, what is known instead, and what to do."""
     if group.form == "unseen":
         return f"no reading depends on '{group.names[0]}'. Fix it, or add a record in which it acts."
     named = listed(group.names) if len(group.names) < 3 else ", ".join(f"'{n}'" for n in group.names)

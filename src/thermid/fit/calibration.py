@@ -1,4 +1,4 @@
-"""`Calibration`: what a fit found, how well it is known, what it contradicts, and which sensors set its errors."""
+"""`Calibration`: what a fit found, its uncertainty, what it contradicts, and which sensors set its errors."""
 
 from __future__ import annotations
 

@@ -182,7 +182,7 @@ def minimise(
     SolverError             When the model cannot be run at the start.
     IdentificationError     When there is no such loss.
     """
-    refuse_unknown([loss], LOSSES, "", "there is no loss '{}'; there are {known}.", IdentificationError)
+    refuse_unknown([loss], LOSSES, "", "unknown loss '{}'. Use one of {known}.", IdentificationError)
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
@@ -367,7 +367,7 @@ def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress:
     IdentificationError     When there is no such search.
     SolverError             When the model cannot be run at the start.
     """
-    refuse_unknown([how], SEARCHES, "", "there is no search '{}'; there are {known}.", IdentificationError)
+    refuse_unknown([how], SEARCHES, "", "unknown search '{}'. Use one of {known}.", IdentificationError)
     population = Population.of(problem, loss, loss_scale)
     if not population.at.size or how == "local":
         return minimise(problem, loss, loss_scale, progress=progress)

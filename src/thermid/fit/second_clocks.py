@@ -301,7 +301,7 @@ def _as_prompt(record: Record) -> Record:
 STARTS = 4
 """How many of the best points of the grid a descent starts from."""
 ROUGH = 0.1
-"""Part of a standard error that tells the ends of these descents apart; the best goes on."""
+"""Part of a standard error that separates the ends of these descents; the best goes on."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
     ----------
     problem : Problem
     info : Information              At the values where it is to be judged.
-    groups : sequence of Group      What cannot be told apart.
+    groups : sequence of Group      What cannot be separated.
     doubtful : sequence of str      Parameters that are hardly known.
     """
     names = info.names
@@ -211,7 +211,7 @@ class Identifiability:
     samples : int               Readings.
     rank : int                  Independent facts about the parameters in the readings, priors of parameters left out.
     parameters : dict           Path -> `KnownParameter`, priors counted.
-    groups : tuple of Group     What cannot be told apart: structural ones first.
+    groups : tuple of Group     What cannot be separated: structural ones first.
     cures : tuple of Cure       What would help, the best first.
     inputs : InputTable             Every boundary, load and start of every record, with its source.
     """

@@ -1,4 +1,4 @@
-"""`profile` and `valley`: how far one parameter, or two that may make up for each other, can go before the readings object."""
+"""`profile` and `valley`: how far one parameter, or two that may compensate each other, can go before the readings object."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ class Valley:
 
 @takes_objects
 def valley(source: Calibration | Identifiability, first: str, second: str, points: int = GRID) -> Valley:
-    """Return how the fit worsens over two parameters; where they can make up for each other, the map shows a valley.
+    """Return how the fit worsens over two parameters; where they can compensate each other, the map shows a valley.
 
     Parameters
     ----------

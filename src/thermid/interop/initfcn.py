@@ -162,7 +162,7 @@ class _Reader:
             if derived is not None:
                 return s.text, ""
             self.remarks.append(
-                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none; "
+                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none, "
                 f"so its {number:.10g} is taken as a plain number. Add the unit to the comment"
             )
             return plain, f"{s.written} in the script"

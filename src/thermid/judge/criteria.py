@@ -293,7 +293,7 @@ def judge(criteria: Criteria, deviations: Sequence[Deviation], where: str) -> It
             raise IdentificationError(
                 f"the criteria '{criteria.name}' apply to {kind} cases, but there are no data for them: {how}.", where
             )
-        # each case by itself, or too warm in one would make up for too cold in another
+        # each case by itself, or too warm in one would compensate too cold in another
         for case in dict.fromkeys(d.case for d in counted):
             sensors = [d for d in counted if d.case == case]
             for key, limit in criteria.limits.items():

@@ -381,7 +381,7 @@ class State:
         return exact(self.value, self.unit, str(self.origin))
 
     def under(self, part: str) -> State:
-        """Return it as it stands in a model that has this one as a part; instruments keep their names."""
+        """Return it as it is in a model that has this one as a part; instruments keep their names."""
         if self.kind != "parameter":
             return self
         ahead = f"{part}."

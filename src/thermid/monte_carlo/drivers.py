@@ -14,7 +14,7 @@ from thermid.linear_algebra import Array
 from thermid.monte_carlo.chunks import Job, run_members_of
 
 FEWEST = 30
-"""Members per input below which shares are not told apart from chance. [-]"""
+"""Members per input below which shares are not distinguishable from chance. [-]"""
 
 UNORDERED = ("scenario", "start_time", "scenario and start_time")
 """Inputs that are one of several things, none of which is more than another."""

@@ -118,7 +118,7 @@ def plan_runs(
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
-    """Return a budget with a source that tells scenarios apart, all as likely; it moves nothing by itself."""
+    """Return a budget with a source that distinguishes scenarios, all as likely; it moves nothing by itself."""
     source = Source(chosen, "variant", Choice(count), f"which of {count} scenarios or starts")
     return budget.beside([source], chosen)
 

@@ -287,7 +287,7 @@ def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...]
 
 
 def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:
-    """Say so where the area given is not that of the box given."""
+    """State this where the area given is not that of the box given."""
     own = 2 * (length * width + height * (length + width))
     if abs(own - area) <= 0.02 * area:
         return []

@@ -66,7 +66,7 @@ class Spread:
     ----------
     cause : str                     What a reader is told: ``fit``, ``stated``, ``split of effective coefficients``.
     names : tuple of str            Parameters, boundaries (a shift [K]), ``initial.<node>`` [K], ``scale.<load>`` (a factor on its power).
-    covariance : array              Of the values [SI], or of their logarithms where `log` says so.
+    covariance : array              Of the values [SI], or of their logarithms where `log` states this.
     log : tuple of bool             Which are spread in their logarithm; none by default.
     also : dict                     Name -> other parameters that share its value.
     """
@@ -173,7 +173,7 @@ def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
 
 
 def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str, float]:
-    """Return node -> standard deviation of what the last fit that says so could not follow; empty where none does. [K]
+    """Return node -> standard deviation of what the last fit that states this could not follow; empty where none does. [K]
 
     Nodes without a reading of their own have the root mean square of those that have one.
     """
@@ -530,7 +530,7 @@ class Budget:
             first, *also = map(ready.canonical, names)
             law, nominal = ready.law(first, how), ready.nominal[first]
             again = [self.followed[n] for n in (first, *also) if n in self.followed]
-            # by its logarithm, so that what the fit would have found with another value makes up for all of it and not to first order
+            # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
             positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
             own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
             target = Target(first, "log" if positive else "add", tuple(also))
@@ -600,7 +600,7 @@ def budget_of(
     stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
     model : Model           What fitted values are laid over; a fit's own by default.
     at : str                The submodel that the values belong to.
-    without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result says so.
+    without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
 
     Raises
     ------

@@ -148,7 +148,7 @@ def _shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a fitted model says of a scenario, and how surely.
+    """What a fitted model says of a scenario, and with what uncertainty.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def predict(
 
     Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
-    or the half-width by a tenth), members are drawn, and a remark says so.
+    or the half-width by a tenth), members are drawn, and a remark states this.
 
     Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first; see `split`. Joints that were
     fitted in air are then as uncertain as the gas in them is.
@@ -287,7 +287,7 @@ def predict(
     every, times                When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
     discrepancy : bool          False for ``without=("structural", "misfit")``.
-    without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result says so.
+    without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
     seed : int                  Of the draws.
     options : Options           The integrator's.

@@ -457,7 +457,7 @@ class _Joint:
         return np.asarray(gain)
 
     def _ceiling(self, part: Part) -> tuple[float, float]:
-        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and how well it is known."""
+        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and its uncertainty."""
         room = max(part.effective - part.floor, 1e-3 * part.effective)
         return math.log(room / part.black), part.effective_error / room
 

@@ -1,4 +1,4 @@
-"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, remarks of a careful reader, text and TOML."""
+"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, checks, text and TOML."""
 
 from __future__ import annotations
 
@@ -456,7 +456,7 @@ class ThermalProfile:
         return f"quoted from memory, not checked against the standard: {which}. Check them there before any verdict uses this profile"
 
     def check(self, beside: float = 0.0) -> tuple[str, ...]:
-        """Return what a careful reader would remark: order against condensation, cycles against the range, levels in the wrong order.
+        """Check the profile: order against condensation, cycles against the range, levels in the wrong order.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ KEYS: Final = ("title", "like", "level", "kind", "standard", "edition", "clause"
 
 @lru_cache(maxsize=1)
 def _library() -> tuple[Mapping[str, Any], ...]:
-    """Return the standards as they stand in the package."""
+    """Return the standards as they are in the package."""
     return tuple(read_toml(file)[0] for file in sorted(LIBRARY.glob("*.toml")))
 
 

@@ -288,7 +288,7 @@ def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -
 
 
 def _stated(t: Trial) -> list[str]:
-    """Return the names that a test spreads, as they stand in the model."""
+    """Return the names that a test spreads, as they are in the model."""
     find = t.known.model.canonical
     return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
 

@@ -1,6 +1,6 @@
 """`Ensemble`: what many runs of one model say together, and how they are run: numbers of all members at once, traces kept or quantiles.
 
-Arithmetic and checks of the model's code run as they stand, on a number that holds one value per member. Where a check holds for some
+Arithmetic and checks of the model's code run as they are, on a number that holds one value per member. Where a check holds for some
 members and not for others, the members are taken apart and each share is computed by itself, so every member goes the way that it would
 have gone alone.
 """

@@ -228,7 +228,7 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
 
 
 def converted(source: DataSet, file: Original, folder: Path | None) -> bytes:
-    """Return the log that is made of an original, packed where its name says so.
+    """Return the log that is made of an original, packed where its name states this.
 
     Raises
     ------

@@ -75,7 +75,7 @@ def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
 
 
 def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], kept: Record, source: str, title: str) -> Written:
-    """Write a proposal as a project that `check`, `calibrate` and `report` take as it stands.
+    """Write a proposal as a project that `check`, `calibrate` and `report` take as it is.
 
     Parameters
     ----------

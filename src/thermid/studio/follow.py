@@ -168,7 +168,7 @@ def _whole_lines(path: Path, columns: list[str]) -> Record:
     """Return a log without a last line that is still being written: half of a number is a number, and would be a spike."""
     before = _ended(path)
     record = read_record(path, {n: {"node": n} for n in columns})
-    dropped = any("cut short" in note for note in record.steps)
+    dropped = any("is incomplete" in note for note in record.steps)
     if (before and _ended(path)) or dropped or record.times.size < 3:
         return record
     return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, UNFINISHED))

@@ -108,7 +108,7 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def desk_object(desk: Desk) -> dict[str, Any]:
-    """Return the sliders of a stage, its curves as they stand, and its parts."""
+    """Return the sliders of a stage, its curves as they are, and its parts."""
     return {
         "title": desk.title,
         "sliders": [asdict(s) for s in desk.sliders],

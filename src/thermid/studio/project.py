@@ -440,7 +440,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _named(folder: Path, text: str, roots: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files that a text may name: decks also where they are missing, patterns of logs as they stand."""
+    """Yield the files that a text may name: decks also where they are missing, patterns of logs as they are."""
     if not text or len(text) > 255 or "\0" in text or "\n" in text:
         return
     for root in (folder, *roots):

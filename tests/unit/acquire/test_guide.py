@@ -50,7 +50,7 @@ def test_nothing_warmed_is_said(tmp_path: Path) -> None:
     log = logger(tmp_path, Board(Hand([]), 3))
     assert tell_apart(log, tmp_path / "sensors.toml", said.append, lambda text: "x", patience=10.0) == []
     log.close()
-    assert "3 sensors stay without a name" in said[-1]
+    assert "so 3 sensors have no name" in said[-1]
 
 
 def test_the_ice_point_writes_certificates(tmp_path: Path) -> None:

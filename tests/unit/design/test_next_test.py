@@ -210,7 +210,7 @@ def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
         td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
     with pytest.raises(IdentificationError, match=r"no sensor is given, so a test would give no information\."):
         td.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
-    with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not among what is looked for\. Did you mean 'case\.mass'"):
+    with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not one of the free parameters\. Did you mean 'case\.mass'"):
         td.next_test(fit, "case.mas", scenario=BENCH)
 
 

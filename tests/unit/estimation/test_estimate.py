@@ -46,7 +46,7 @@ def test_output_error_is_told_beside_it(found: Estimation) -> None:
     assert found.p_value < 1e-9
     assert found.output.found["reading noise of indoor"].value > 3 * TRUTH.sigma_v
     text = str(found)
-    assert text.startswith(f"house: {found.chosen.name}: foresees left-out readings over 12 h to ")
+    assert text.startswith(f"house: {found.chosen.name}: predicts left-out readings over 12 h to ")
     for word in ("process noise: open loop", "output error: open loop", "one-step log-likelihood", "; the choice does not use it"):
         assert word in text
 

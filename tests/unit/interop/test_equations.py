@@ -110,7 +110,7 @@ def test_a_law_that_is_not_linear_is_refused() -> None:
 
 
 def test_a_steady_state_that_nobody_reads_or_that_is_none_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match="m_Sd has 10 states; a steady state in symbols is readable up to 6"):
+    with pytest.raises(td.ThermidError, match="m_Sd has 10 states; a symbolic steady state is limited to 6"):
         _ = td.equations(td.load_model(DECKS / "m_Sd.toml")).steady
     alone = {"title": "pair", "nodes": {"a": {"capacitance": "1 [J/K]"}, "b": {"capacitance": "1 [J/K]"}}}
     alone["conductors"] = {"ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "1 [W/K]"}}

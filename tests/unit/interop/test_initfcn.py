@@ -60,7 +60,7 @@ def test_a_plain_factor_takes_no_part_in_the_units() -> None:
     """1.08 has no unit in its comment and scales what has one."""
     found = td.read_initfcn("f = 1.08; a = 2; % area [m^2]\nb = f*a; % [m^2]")
     assert found.parameters["b"].text == "2.16 [m^2]"  # two values, one bracket: neither has a unit
-    assert [r.partition(";")[0] for r in found.remarks] == [
+    assert [r.partition(", so")[0] for r in found.remarks] == [
         "line 1: 'f' has no unit in its comment: 1 in brackets for 2 values of the line",
         "line 1: 'a' has no unit in its comment: 1 in brackets for 2 values of the line",
     ]
@@ -73,7 +73,10 @@ def test_several_values_take_the_brackets_of_their_line_in_order() -> None:
 def test_temperatures_are_not_added_to_by_their_units() -> None:
     found = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15;\nT0 = T;")
     assert {n: p.text for n, p in found.parameters.items()} == {"T": "24 [degC]", "TK": "297.15", "T0": "T"}
-    assert found.remarks == ("line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none; its 297.15 is taken as a plain number",)
+    assert found.remarks == (
+        "line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none, so its 297.15 is taken as a plain number. Add the "
+        "unit to the comment",
+    )
     kelvin = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
     assert kelvin.parameters["TK"].text == "297.15 [K]"
     assert kelvin.remarks == ()
@@ -86,7 +89,7 @@ def test_blocks_of_comments_and_printed_line_numbers_are_taken_off() -> None:
 
 def test_a_script_is_shown_with_its_remarks() -> None:
     assert str(td.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
-        "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment; taken as a plain number"
+        "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment, so its value is taken as a plain number. Add the unit"
     )
 
 
@@ -109,7 +112,7 @@ def test_a_script_is_shown_with_its_remarks() -> None:
         ("b = c;", "'b' needs 'c', and no earlier line sets it. Use only earlier names, numbers, pi and Inf."),
         ("a = 1;\na = 2;", "script:2: 'a' is set again; line 1 sets it first, but a parameter has one value."),
         ("lambda = 3;", "'lambda' is a reserved word of expressions in decks. Rename it in the script."),
-        ("pi = 3;", "'pi' is a word that"),
+        ("pi = 3;", "'pi' is a reserved word of expressions in decks."),
         ("a = ;", "the value after the equals sign is missing."),
         ("a = 1/0;", "script:1: '1/0' cannot be read: '1/0' has no finite value."),
         ("a = 0; b = 1/a;", "'1/a' has no finite value"),
@@ -150,7 +153,7 @@ def test_a_block_is_made_of_the_values_by_their_units() -> None:
 def test_a_block_that_is_open_is_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"'m' and 'n' both have the unit \[kg\], so the block's mass is"):
         td.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
-    with pytest.raises(td.ThermidError, match=r"nothing in the script is in \[W\], so the block has no power in this fit,"):
+    with pytest.raises(td.ThermidError, match=r"no value of the script has the unit \[W\], so the block has no power\."):
         td.read_initfcn(BLOCK.replace("[W]", "")).block("box")
 
 

@@ -128,7 +128,7 @@ POINTS = {"over": "difference", "interpolation": "smooth", "points": [["0 [K]", 
         (
             {"bent": {"kind": "table", "between": ["box", "wall"], "table": POINTS}},
             {},
-            "'bent' is a smooth table, which is not written to Octave; straight lines are.",
+            "'bent' is a smooth table, which is not written to Octave.",
         ),
     ],
 )

@@ -168,7 +168,7 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
                 "nodes/q": {"capacitance": "1 [J/K]"},
                 "conductors/c": {"kind": "conduction", "between": ["p", "q"], "conductance": "1 [W/K]"},
             },
-            "warning: Box, nodes.p: 'p' and 'q' have no path to a boundary, so its heat is never removed. Connect it to a boundary "
+            "warning: Box, nodes.p: 'p' and 'q' have no path to a boundary, so heat is never removed. Connect a boundary "
             "if that is not intended.",
         ),
         (

@@ -123,7 +123,7 @@ def test_a_limit_that_nobody_passes(folder: Path) -> None:
         ('"38 [degC]"', '{ highest = "1 [degC]", lowest = "2 [degC]" }', "its lowest temperature is not below its highest"),
         ("{ body =", "{ bode =", r"no node 'bode'. Did you mean 'body'\?"),
         ("warm.toml", "worm.toml", r"there is no file 'worm.toml'.* Did you mean 'warm.toml'\?"),
-        ("seed = 2", 'unit = "box"', "no submodel 'box' to be the unit"),
+        ("seed = 2", 'unit = "box"', r"no submodel 'box' for the unit\."),
         ("seed = 2", "confidence = 2.0", "the confidence is 2. Give 0.95 or another"),
     ],
 )

@@ -254,7 +254,7 @@ def test_no_cluster_answers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "joblib", None)
-    with pytest.raises(td.ThermidError, match=r"this needs joblib, which is not installed.*thermid\[cluster\]"):
+    with pytest.raises(td.ThermidError, match=r"needs joblib, which is not installed"):
         runs(workers=2)
 
 

@@ -265,7 +265,7 @@ def test_solids_do_not_feel_the_pressure() -> None:
 
 @pytest.mark.parametrize("pressure", [2e6, float("nan")])
 def test_a_pressure_beyond_dilute_gases_or_none_is_refused(pressure: float) -> None:
-    with pytest.raises(ScenarioError, match=r"a pressure of nan Pa lies beyond 1\.013e\+06 Pa, the"):
+    with pytest.raises(ScenarioError, match=r"Pa lies beyond 1\.013e\+06 Pa, the limit of"):
         Environment(Constant(pressure))
 
 
@@ -318,7 +318,7 @@ def test_one_gas_is_not_the_other() -> None:
         ({"pressure": TableSignal(np.array([0.0, 1.0]), np.array([1e5, -1.0]))}, "the pressure is below zero."),
         ({"pressure": Sine(1e5, 2e5, 10.0)}, "the pressure is below zero."),
         ({"gravity": -1.0}, "gravity and wind must not be"),
-        ({"gas": "argon"}, "no gas was renamed to 'argon'; the"),
+        ({"gas": "argon"}, r"unknown gas 'argon'\."),
         ({"sealed": True, "vented": "air", "time_constant": 5.0}, "a volume is either sealed or"),
         ({"vented": "air"}, "and a time constant above zero"),
     ],

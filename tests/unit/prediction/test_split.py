@@ -109,7 +109,7 @@ def test_nothing_is_split_without_knowing_the_surface_or_the_conditions() -> Non
         td.split(elegfo(""), conditions=BENCH)
     with pytest.raises(IdentificationError, match="the temperatures at which the coefficients were fitted"):
         td.split(elegfo(MACHINED))
-    with pytest.raises(IdentificationError, match=r"'skn' is no surface with an effective coefficient. Did you mean 'skin'"):
+    with pytest.raises(IdentificationError, match=r"'skn' is not a surface with an effective coefficient\."):
         td.split(elegfo(MACHINED), "skn", BENCH)
     with pytest.raises(IdentificationError, match=r"never more than 0\.2 K from the gas temperature,"):
         td.split(part("0.1 [m^2]", "5 [W/(m^2 K)]", "0.01 [W]"), conditions=BENCH)

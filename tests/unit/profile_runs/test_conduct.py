@@ -141,7 +141,7 @@ def test_a_profile_that_never_stabilises_says_which_node_and_why():
     with pytest.raises(SolverError, match=r"'3 C/h' after 5 h: 'core' still changes.*follows a clock"):
         td.run_profile(box(loads=swinging), cycle(longest_wait="5 [h]"))
     with pytest.raises(
-        SolverError, match=r"within 30 min: 'core' still changes by \+.* K/h, on its way to .* about .* more would be needed"
+        SolverError, match=r"after 30 min: \'core\' still changes by \+.* K/h, on its way to .* about .* more would be needed"
     ):
         td.run_profile(box(), cycle(longest_wait="30 [min]"))
     lonely = {"skin": {"of": "plate", "to": "air", "area": "1e-9 [m^2]", "htc": "1e-3 [W/(m^2 K)]"}}

@@ -178,7 +178,7 @@ def test_a_thermostat_is_kept_outside() -> None:
             "loads": {"h": {"into": "a", "power": "4 [W]", "thermostat": {"on_below": "25 [degC]", "off_above": "28 [degC]"}}},
         }
     )
-    with pytest.raises(DeckError, match=r"'h' is no plain power \(thermostat.off_above, thermostat.on_below\)"):
+    with pytest.raises(DeckError, match=r"'h' is not a constant power \(thermostat\.off_above, thermostat\.on_below\)\."):
         td.reduce(heated, WARM, nodes=1)
 
 

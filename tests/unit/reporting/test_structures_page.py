@@ -31,13 +31,13 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
     page = text(td.structures_report("Box", ALL, to=tmp_path / "page.html", reasons=["Because I say so."], notes=["Real logs."]))
     assert "Taken: lag" in page
     for words in (
-        "Likeliest on the fitted runs: likely, and cannot be: tau = 57 s, outside 5 .. 40.",
-        "Nearest to the unseen runs: curve, 0.41 K.",
+        "Likeliest on the fitted runs: likely, but implausible: tau = 57 s, outside 5 .. 40.",
+        "Nearest to the hold-out runs: curve, 0.41 K.",
         "lag misses them by 0.42 K, 2 % more; of curve: x ends at its bound 2.",
-        "Refused, because these runs cannot tell what it asks: walls.",
+        "Refused, because these runs do not determine its parameters: walls.",
         "Because I say so.",
         "Real logs.",
-        "&#39;wall&#39; and &#39;room&#39; apart. cannot be separated by",
+        "the data cannot tell &#39;wall&#39; and &#39;room&#39; apart.",
         "two &lt;masses&gt;",
     ):
         assert words in page, words
@@ -48,7 +48,7 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
 def test_the_author_may_take_another_and_none_may_do(tmp_path: Path) -> None:
     assert "Taken: plain" in text(td.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
     assert "None is acceptable" in text(td.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
-    with pytest.raises(ValueError, match=r"no structure is called 'boardd'; there are plain, lag"):
+    with pytest.raises(ValueError, match=r"unknown structure 'boardd'\. Known: plain, lag"):
         td.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
     with pytest.raises(ValueError, match="no structures are given to"):
         td.structures_report("Box", (), to=tmp_path / "d.html")

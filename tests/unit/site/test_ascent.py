@@ -112,8 +112,8 @@ upper = "standard"
     [
         ({"separation": "300 [s]"}, "outside the 240 s"),
         ({"air_temperature": None}, "the temperature of the gas 'gas' is missing."),
-        ({"flow": {"face": 1.0}}, "give a trajectory with speed, and separation"),
-        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* no stream of single molecules"),
+        ({"flow": {"face": 1.0}}, r"Give a trajectory with speed, and separation\."),
+        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* too dense there for free molecular flow"),
         ({"flow": {"face": 1.2}, "separation": "170 [s]"}, "the cosine between 'face' and the flight is 1.2"),
         ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "an accommodation of 1.5"),
     ],
@@ -137,7 +137,7 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
         td.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
     with pytest.raises(ScenarioError, match="give a trajectory, or the pressure"):
         td.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
-    with pytest.raises(ScenarioError, match="how long"):
+    with pytest.raises(ScenarioError, match=r"the duration is missing\."):
         td.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 

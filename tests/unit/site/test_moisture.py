@@ -177,7 +177,7 @@ def test_no_vapour_in_vacuum() -> None:
         ({}, {"inside": {"volume": "2 [l]", "exchange": "1 [l/s]", "to": "air"}}, r"exchanges gas with 'air', whose humidity is not given"),
         ({}, {"inside": {"volume": "2 [l]", "exchange": "1 [l/s]"}}, r"exchange and to belong together\."),
         ({}, {"inside": {"volume": "0 [l]"}}, r"a volume of gas must be above"),
-        ({}, {"inside": {"volume": "1 [l]", "humidity": 1.5}}, r"a volume would have a relative humidity of 1.5"),
+        ({}, {"inside": {"volume": "1 [l]", "humidity": 1.5}}, r"a volume has a relative humidity of 1\.5\. Give 0 to 1, or"),
     ],
 )
 def test_faults(humidity: dict[str, Any], volumes: dict[str, dict[str, Any]], message: str) -> None:

@@ -86,7 +86,7 @@ def test_files_of_others_are_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / "campaign.toml").write_text("mine = 1\n")
     found = run("init", str(log), "--to", str(tmp_path / "p"), "--seconds", "1", code=2)
-    assert "a file is there already" in found["message"]
+    assert "this file exists already." in found["message"]
     assert (tmp_path / "p" / "campaign.toml").read_text() == "mine = 1\n"
     assert not (tmp_path / "p" / "logs" / "fit.csv").exists()
 

@@ -124,8 +124,8 @@ def test_words_and_objects():
     ("arguments", "words"),
     [
         ({"channel": "T2"}, "no channel 'T2'"),
-        ({"until": "100 [s]"}, "40 are needed"),
-        ({"level": 1.5}, "a level of 1.5 is none"),
+        ({"until": "100 [s]"}, "a forecast needs 40"),
+        ({"level": 1.5}, r"a level of 1\.5 is not possible\."),
         ({"rule": "3 C"}, "is not a rule of stability."),
         ({"slowest": "10 [s]"}, "far below the 119.8 min of readings. Give the longest"),
         ({"reference": "AIRE"}, "no channel 'AIRE'"),
@@ -139,7 +139,7 @@ def test_mistakes_are_named(arguments, words):
 def test_a_reading_in_the_past_and_a_record_of_several():
     with pytest.raises(RecordError, match="before the last reading"):
         td.forecast(log(2.0)).reading("1 [h]")
-    with pytest.raises(RecordError, match="say which channel: T, AIR"):
+    with pytest.raises(RecordError, match="name the channel: T, AIR"):
         td.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
 
 

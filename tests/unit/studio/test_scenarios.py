@@ -127,7 +127,7 @@ def test_humidity_is_run(work: Work) -> None:
     wet = ran(work, "SMC-S-016 unit humidity", {})
     assert wet["moisture"]["dew"][0]["name"] == "dew point of air"
     (skin,) = wet["moisture"]["surfaces"]
-    assert ("Water settles: worst skin" in wet["verdict"]["text"]) == (skin["margin"] < 0.0)
+    assert ("Water condenses: worst skin" in wet["verdict"]["text"]) == (skin["margin"] < 0.0)
     assert "skin" in wet["verdict"]["text"]
 
 
@@ -194,8 +194,8 @@ def test_a_hostile_title_stays_text(work: Work) -> None:
         (KEY, {"numbers": {"cycles": 3}}, ScenarioError, "give numbers as texts by name."),
         (KEY, {"numbers": {"cicles": "3"}}, ScenarioError, "has no 'cicles'"),
         (KEY, {"numbers": {"stable": "soon"}}, RecordError, "is not a rule of stability."),
-        (KEY, {"chamber": ["engine"]}, ScenarioError, "'engine' is no boundary"),
-        ("scenario 0", {"gas": "soup"}, ScenarioError, "'soup' is none of air, vacuum, printed"),
+        (KEY, {"chamber": ["engine"]}, ScenarioError, r"'engine' is not a boundary\."),
+        ("scenario 0", {"gas": "soup"}, ScenarioError, r"'soup' is not one of air, vacuum, printed\."),
         ("scenario 0", {"uncertain": True}, ScenarioError, "the uncertainty applies to fitted values only."),
     ],
 )

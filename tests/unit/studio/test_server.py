@@ -90,7 +90,7 @@ def test_a_foreign_host_or_origin_is_refused(port: int, headers: dict[str, str])
 def test_a_request_without_the_pages_header_changes_nothing(port: int) -> None:
     status, _, text = asked(port, "/api/save", {"stage": "x", "values": {}}, {"content-type": "application/json"})
     assert status == 400
-    assert "own page" in text
+    assert "must come from the studio's page" in text
 
 
 @pytest.mark.parametrize(
@@ -126,11 +126,11 @@ def test_a_hostile_name_stays_text(port: int) -> None:
     [
         ("/api/curves", {"stage": EVIL, "values": {"area": "wide"}, "gas": "air"}, "give values as numbers by path."),
         ("/api/curves", {"stage": EVIL, "values": {"area": True}, "gas": "air"}, "give values as numbers by path."),
-        ("/api/curves", {"stage": EVIL, "values": {}, "gas": "soup"}, "'soup' is none of air, vacuum, printed"),
-        ("/api/curves", {"stage": 3, "values": {}, "gas": "air"}, "'stage' is no text"),
+        ("/api/curves", {"stage": EVIL, "values": {}, "gas": "soup"}, "'soup' is not one of air, vacuum, printed."),
+        ("/api/curves", {"stage": 3, "values": {}, "gas": "air"}, "'stage' is not a text."),
         ("/api/curves", {"stage": "other", "values": {}, "gas": "air"}, "no stage 'other'"),
         ("/api/curves", {"stage": EVIL, "values": {"area": 1e400}, "gas": "air"}, ""),
-        ("/api/picture", {"stage": EVIL, "values": {}, "folded": ["engine"]}, "no part 'engine'"),
+        ("/api/picture", {"stage": EVIL, "values": {}, "folded": ["engine"]}, "unknown part 'engine'."),
         ("/api/picture", {"stage": EVIL, "values": {}, "run": "first"}, "give a run as a whole number"),
         ("/api/swap", {"part": "case", "deck": "../secret.txt"}, "a swap needs a campaign"),
         ("/api/save", {"stage": EVIL, "values": {}, "name": "x"}, "nothing to save"),
@@ -156,7 +156,7 @@ def test_a_fit_without_logs_ends_with_its_reason(port: int) -> None:
 
 
 def test_a_taken_port_is_said(port: int) -> None:
-    with pytest.raises(DeckError, match=f"port {port} is taken"):
+    with pytest.raises(DeckError, match=f"port {port} is in use"):
         serve(Project(EXAMPLES / "01_accelerometer" / "accelerometer.toml"), port)
 
 

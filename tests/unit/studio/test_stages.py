@@ -61,7 +61,7 @@ def test_a_campaign_is_run_kept_and_found_again(folder: Path) -> None:
 
 
 def test_a_folder_is_answered_with_what_lies_in_it(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(DeckError, match=r"a folder is not a deck or campaign\. Give a file in it: \.\*campaign\.toml"):
+    with pytest.raises(DeckError, match=r"a folder is not a deck or campaign\. Give a file in it: .*campaign\.toml"):
         Project(folder)
     with pytest.raises(DeckError, match=r"there are: none"):
         Project(tmp_path)
@@ -113,7 +113,7 @@ def test_running_a_lower_stage_again_makes_the_upper_one_stale(folder: Path) -> 
 
 def test_a_swap_lists_stages_and_stays_in_the_project(folder: Path) -> None:
     project = opened(folder)
-    with pytest.raises(td.ThermidError, match="leaves the project"):
+    with pytest.raises(td.ThermidError, match=r"'\.\./\.\./\.\./\.\./etc/passwd' lies outside the"):
         project.swap("ele", "../../../../etc/passwd")
     with pytest.raises(NameNotFoundError, match="no stage 'm_PrF'"):
         project.desk("m_PrF")

@@ -200,7 +200,7 @@ def wired(experiment: Experiment, raw: str) -> str:
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
 
-    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says how well it is known.
+    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says its uncertainty.
     """
     if request.held_errors is not None:
         return []

@@ -49,7 +49,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters that cannot be told apart, or hardly.
+    """Parameters that cannot be separated, or hardly.
 
     Parameters
     ----------

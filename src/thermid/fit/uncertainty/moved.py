@@ -294,7 +294,7 @@ class Move:
 
     @property
     def detectable_share(self) -> float:
-        """The detectable shift in parts of the value as it stands in its unit; infinite where that is zero. [-]"""
+        """The detectable shift in parts of the value as it is in its unit; infinite where that is zero. [-]"""
         size = abs(from_si(self.below, self.unit)) * float(unit(self.unit).factor)
         return self.detectable / size if size > 0 else math.inf
 

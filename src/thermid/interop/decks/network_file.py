@@ -52,7 +52,7 @@ class TextSpan:
 
 @dataclass(frozen=True)
 class DeckRemark:
-    """A statement of a deck that was not taken over as it stands."""
+    """A statement of a deck that was not taken over as it is."""
 
     where: TextSpan
     what: str

@@ -347,7 +347,7 @@ def _is_key(column: Sequence[str]) -> bool:
 
 
 def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
-    """Return cells with a remark where a column tells the rows of several things apart."""
+    """Return cells with a remark where a column distinguishes the rows of several sources."""
     for at, name in enumerate(names):
         if name in _KEYS and _is_key(cells.columns[at]) and len(kinds := list(dict.fromkeys(cells.columns[at]))) > 1:
             of = f"'{cells.header[at]}' distinguishes rows of {len(kinds)} sources ({', '.join(kinds[:4])})"

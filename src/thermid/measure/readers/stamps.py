@@ -261,7 +261,7 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     name = clock.name
     odd = np.flatnonzero(~np.isfinite(parsed))
     if odd.size:
-        raise RecordError(f"'{clock.texts[odd[0]]}' is no time.", cells.where(int(odd[0]), name))
+        raise RecordError(f"'{clock.texts[odd[0]]}' is not a time.", cells.where(int(odd[0]), name))
     since, factor = _epoch(float(parsed[0])) or (None, 1.0)
     if since is not None and unit_text in (None, since):
         start = datetime.fromtimestamp(float(parsed[0]) / factor, UTC).isoformat()

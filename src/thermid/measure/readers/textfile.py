@@ -72,7 +72,7 @@ class Cells:
     columns : list of tuples of str  Cells by column, in file order.
     lines : list of int              Line number of each row.
     notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
-    synthetic : bool                 Whether its first lines say so.
+    synthetic : bool                 Whether its first lines state this.
     reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
     resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
     certificates : mapping           The same for its certificate.

@@ -23,9 +23,9 @@ INTERPOLATIONS: Final = ("linear", "smooth")
 OUTSIDE: Final = ("hold", "linear", "refuse")
 """What a table is outside its points; the first is the default."""
 LEAST: Final = 0.01
-"""Part of its last value down to which a quantity above zero goes on as a straight line; beyond, the run is refused. [-]"""
+"""Part of its last value down to which a quantity above zero is extended as a straight line; beyond, the run is refused. [-]"""
 FAR: Final = 1e5
-"""How far a table goes on as a straight line; no temperature of a run is that high. [K]"""
+"""How far a table is extended as a straight line; no temperature of a run is that high. [K]"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ def law(
     function : callable         Takes kelvin, an array or one number; returns a conductance [W/K], or for a load a power [W].
     over : str                  What it takes: 'temperature', the mean of a conductor's ends or that of a load's node; or 'difference', the
                                 first end's less the second's, of both signs.
-    between : (low, high)       Range over which it is asked; constant beyond, and a run that leaves the range says so. [K]
+    between : (low, high)       Range over which it is asked; constant beyond, and a run that leaves the range states this. [K]
     tolerance : float           Largest relative error between points; where the function is smaller than a thousandth of its largest
                                 value, relative to that. A kink is rounded over 1 mK. [-]
     source, basis : str         Kind of source, as of a value of a deck, and what the function rests on.

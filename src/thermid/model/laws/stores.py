@@ -105,7 +105,7 @@ class HeatStore:
         return self._at(np.asarray(kelvin, dtype=float), liquid)[1]
 
     def begins(self, kelvin: Any) -> tuple[Array, Array]:
-        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures: a melt where the deck says so."""
+        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures; a melt where the deck states it."""
         at = np.asarray(kelvin, dtype=float)
         solid = self.level(at), self.share(at)
         if self.melt is None or self.melt.given.starts != "liquid":
@@ -267,7 +267,9 @@ def _melt(given: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
     liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
     k = int(np.searchsorted(x, liquidus, side="right")) - 1
     if not (0 < k < x.size - 1 and x[k] == liquidus):
-        raise DeckError(f"melts_to = {liquidus:.6g} K is no point of the enthalpy; supercooling counts from one.")
+        raise DeckError(
+            f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it."
+        )
     if not (supercooling.degree > 0.0 and nucleation > COLDEST):
         raise DeckError(f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.")
     rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])

@@ -1,4 +1,4 @@
-"""What a careful reader would remark about a model: one small function per rule.
+"""Checks of a model: one small function per rule.
 
 Rules see the tree laid flat. They say what to do, and change nothing.
 """
@@ -440,7 +440,7 @@ RULES: Final[tuple[Rule, ...]] = (
 
 
 def findings(model: Tree) -> tuple[Finding, ...]:
-    """Return what a careful reader would remark, errors first; one error alone when the tree cannot be laid flat."""
+    """Return the findings of all checks, errors first; one error alone when the tree cannot be laid flat."""
     try:
         view = _view(model)
     except ThermidError as error:

@@ -91,7 +91,7 @@ def report(
 
 
 def _inline(svg: str) -> str:
-    """Return an SVG as it stands inside a page, where it needs no name space."""
+    """Return an SVG as it is inside a page, where it needs no name space."""
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 

@@ -32,7 +32,7 @@ from thermid.units import NAMES, Dimension, from_si, unit
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
 STRONG = 0.95
-"""Correlation from which two parameters are hardly told apart."""
+"""Correlation from which two parameters are hardly separable."""
 
 
 def parameters(calibration: Calibration) -> Table:
@@ -244,9 +244,9 @@ def locals_(calibration: Calibration) -> Table:
 
 
 def correlations(calibration: Calibration, most: int = 30) -> Table:
-    """Return the strongest correlations, those that hardly tell two parameters apart marked."""
+    """Return the strongest correlations, those marked where two parameters can hardly be separated."""
     ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
-    looks = [("hardly told apart", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
+    looks = [("hardly separable", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
     rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
     more = f"; {len(ranked) - most} weaker ones are not shown" if len(ranked) > most else ""
     caption = f"Those above 0.1{more}; marked above {STRONG}."
@@ -549,7 +549,7 @@ def _fitted(campaign: Campaign) -> Table:
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:
-    """Return the pairs of parameters that the data hardly tell apart, with their correlation."""
+    """Return the pairs of parameters that the data can hardly separate, with their correlation."""
     return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
 
 
