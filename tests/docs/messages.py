@@ -69,5 +69,5 @@ def messages(path: Path) -> Iterator[tuple[int, str]]:
                 skipped.update(id(part) for part in parts)
     for node in ast.walk(tree):
         text = None if id(node) in skipped else text_of(node)
-        if text and len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{[^}]*\}", " ", text))) >= WORDS and "<" not in text:
+        if text and text[0] != "^" and len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{[^}]*\}", " ", text))) >= WORDS and "<" not in text:
             yield node.lineno, text

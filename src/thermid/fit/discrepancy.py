@@ -231,7 +231,7 @@ def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
 
 
 def losing_gas(network: Network, media: Media, seen: Sequence[str]) -> list[FlatConductor]:
-    """Return the contacts whose gas a scenario changes, less those (`seen`) of which a record had told both parts apart."""
+    """Return the contacts whose gas a scenario changes, less those (`seen`) whose parts a record had separated."""
     return [c for c in bare_contacts(network) if c.path not in seen and any(media.changed(g) for g in _gases(network, c))]
 
 

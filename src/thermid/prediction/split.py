@@ -188,8 +188,8 @@ class Part:
             f"air, but {self.prior.text} radiates at"
             f" least {radiation:.2g} and gas at rest conducts at least {self.floor:.2g} W/(m^2 K). One of these is wrong: the area (at most"
             f" {self.area * share:.3g} m^2 instead of {self.area:.3g}; check for faces counted twice or inside), the power (at least"
-            f" {power / share:.3g} W through this surface in place of {power:.3g} W), the position of the sensor (the mean surface is at"
-            f" most {abs(self.rise) * share:.2g} K above the gas in place of {abs(self.rise):.3g} K: a hot spot?), or the finish."
+            f" {power / share:.3g} W through this surface instead of {power:.3g} W), the position of the sensor (the mean surface is at"
+            f" most {abs(self.rise) * share:.2g} K above the gas instead of {abs(self.rise):.3g} K: a hot spot?), or the finish."
         )
 
     def conflict(self, left: float, spread: float) -> str:
@@ -322,7 +322,7 @@ def split(
     of : Calibration or Model   A fit, whose records say at which temperatures the coefficients hold; or a model with `conditions`.
     paths : str or sequence     Surfaces; every one with an effective coefficient by default.
     conditions : Scenario       What was done when the coefficients were fitted, settled; for a model.
-    priors : dict               Path of an emissivity -> (mean, standard deviation), in place of the finish. [-]
+    priors : dict               Path of an emissivity -> (mean, standard deviation), instead of the finish. [-]
 
     Raises
     ------

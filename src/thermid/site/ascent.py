@@ -227,7 +227,7 @@ def _streams(
             "free molecular heating needs density and speed after separation. Give a trajectory with speed, and separation.", title
         )
     if not 0.0 < accommodation <= 1.0:
-        raise ScenarioError(f"an accommodation of {accommodation:g} does not exist; give 0 to 1.", title)
+        raise ScenarioError(f"the accommodation is {accommodation:g}. Give 0 to 1.", title)
     after = np.union1d(times[times > gone], [gone])
     heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
     if heat.max() > HOTTEST:

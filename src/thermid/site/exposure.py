@@ -246,9 +246,9 @@ def orbit_irradiation(
     angles = {"sun": degrees(sun, "orbit, sun"), "subsolar": degrees(subsolar, "orbit, subsolar")}
     for name, value in angles.items():
         if not 0.0 <= value <= 180.0:
-            raise ScenarioError(f"an angle of {value:g} degrees does not exist; give 0 to 180.", f"orbit, {name}")
+            raise ScenarioError(f"the angle is {value:g} degrees. Give 0 to 180.", f"orbit, {name}")
     if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"an albedo of {albedo:g} does not exist; give 0 to 1.", "orbit")
+        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
     light = _lit(lit)
     strength = literal(solar, "W/m^2", "orbit, solar") if isinstance(solar, str) else float(solar)
     glow = literal(infrared, "W/m^2", "orbit, infrared") if isinstance(infrared, str) else float(infrared)

@@ -272,7 +272,7 @@ def _checked(
     if not 0.0 < low <= high < float("inf"):
         raise ScenarioError(f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit")
     if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"an albedo of {albedo:g} does not exist; give 0 to 1.", "orbit")
+        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
     tilt = degrees(beta, "orbit, beta")
     if not -90.0 <= tilt <= 90.0:
         raise ScenarioError(f"the angle of the sun to a plane is at most 90 degrees, not {tilt:g}.", "orbit, beta")

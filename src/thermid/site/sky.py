@@ -58,7 +58,7 @@ class OpenSky(Sky):
     def __post_init__(self) -> None:
         """Refuse a ground that does not exist."""
         if not 0.0 <= self.albedo <= 1.0:
-            raise ScenarioError(f"an albedo of {self.albedo:g} does not exist; give 0 to 1.", "sun")
+            raise ScenarioError(f"the albedo is {self.albedo:g}. Give 0 to 1.", "sun")
 
     @property
     def radiates(self) -> bool:

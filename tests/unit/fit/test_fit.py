@@ -162,7 +162,7 @@ class TestRobust:
         assert robust.chi_square == pytest.approx(np.sum((weight * problem.residuals(at)) ** 2), rel=1e-10)
 
     def test_an_unknown_loss(self) -> None:
-        with pytest.raises(IdentificationError, match=r"there is no loss 'lin'; there are linear, soft_l1, huber, cauchy"):
+        with pytest.raises(IdentificationError, match=r"unknown loss 'lin'. Use one of linear, soft_l1, huber, cauchy"):
             calibrate(box(), log(box(), {}, {"T": "case"}, samples=11), [HTC], loss="lin")
 
 

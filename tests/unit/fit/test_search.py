@@ -92,7 +92,7 @@ class TestValleys:
         assert any("other values fit equally well:" in w for w in found.warnings)
 
     def test_an_unknown_search_is_refused(self) -> None:
-        with pytest.raises(IdentificationError, match=r"there is no search 'multi-start'.*Did you mean 'multistart'"):
+        with pytest.raises(IdentificationError, match=r"unknown search 'multi-start'.*Did you mean 'multistart'"):
             fitted("multi-start")
 
     def test_a_missing_package_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:

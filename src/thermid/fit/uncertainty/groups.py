@@ -320,7 +320,7 @@ def _unit(used: Sequence[tuple[str, float, float, str]]) -> str:
 
 
 def practical_groups(info: Information, tell: float) -> tuple[Group, ...]:
-    """Return the groups of parameters that this log hardly tells apart.
+    """Return the groups of parameters that this log can hardly separate.
 
     A parameter belongs to one when its relative error exceeds `tell`, is more than twice what it would be with all others known, and goes
     with that of another (correlation above 0.8). [-]
