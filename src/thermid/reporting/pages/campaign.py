@@ -28,6 +28,7 @@ from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, dura
 from thermid.reporting.blocks.extras import tables_folder, write_page
 from thermid.reporting.blocks.numbering import Sheets, check_audience
 from thermid.reporting.diagrams.diagram import diagram
+from thermid.reporting.diagrams.heat import heat_map
 from thermid.reporting.pages import tables
 from thermid.reporting.pages.courses import drives as driving
 from thermid.reporting.pages.front import VERDICTS_TABLE, front
@@ -251,10 +252,12 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     drawn = figures.prediction(solution, key, f"{title}: predicted temperatures")
     final = dict(zip(solution.nodes, solution.temperatures[-1].tolist(), strict=True))
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
-    pictures = [
-        _inline(diagram(m, temperatures=final, powers=powers, title=f"{title}: temperatures at the end"))
-        for m in _models_of(solution, campaign)
-    ]
+    end = f"{title}: temperatures at the end"
+    flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
+    pictures = []
+    for m in _models_of(solution, campaign):
+        drawn_whole = _inline(diagram(m, temperatures=final, powers=powers, title=end))
+        pictures.append(heat_map(m, final, flows, powers, title=end) if tall(drawn_whole) else drawn_whole)
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,
@@ -263,7 +266,6 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         "drawn": drawn,
         "ends": Table.of(columns, rows),
         "diagram": next(iter(pictures), ""),
-        "tall": any(tall(p) for p in pictures),
         "length": length,
     }
 

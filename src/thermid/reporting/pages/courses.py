@@ -12,7 +12,7 @@ from thermid.fit.problem.experiment import attached, corrected
 from thermid.linear_algebra import Array
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
-from thermid.reporting.pictures.figures import Drive
+from thermid.reporting.pictures.figures import RecordDrive
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
@@ -59,7 +59,7 @@ def course_of(c: Calibration, record: str, times: Array | None = None) -> Soluti
         return None
 
 
-def drives(c: Calibration, record: str) -> Drive | None:
+def drives(c: Calibration, record: str) -> RecordDrive | None:
     """Return ambient temperatures and the sum of all powers over a record."""
     run = course_of(c, record)
     if run is None:
@@ -67,4 +67,4 @@ def drives(c: Calibration, record: str) -> Drive | None:
     ambient = {b: run[b].kelvin for b in flatten(c.model).names.boundaries if b in run.nodes}
     powers = list(run.load_powers.values())
     total = np.sum([np.broadcast_to(p, run.times.shape) for p in powers], axis=0) if powers else None
-    return Drive(run.times, ambient, total)
+    return RecordDrive(run.times, ambient, total)

@@ -36,7 +36,7 @@ LOOKS = {"measured": ("--f-measured", MEASURED), "simulated": ("--f-simulated", 
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class RecordDrive:
     """What drove a record.
 
     Parameters
@@ -109,7 +109,7 @@ POWER_PANEL = 62.0
 """What the panel of the power adds to the height of a figure. [px]"""
 
 
-def driven(drive: Drive | None, begin: float, end: float) -> tuple[list[Stroke], list[Stroke]]:
+def driven(drive: RecordDrive | None, begin: float, end: float) -> tuple[list[Stroke], list[Stroke]]:
     """Return the lines of at most two ambient temperatures [degC] and of the power [W] over seconds, between two times."""
     if drive is None:
         return [], []
@@ -131,7 +131,7 @@ def compared(
     *,
     below: str = "residual",
     wide: float = 0.0,
-    drive: Drive | None = None,
+    drive: RecordDrive | None = None,
     limit: float | None = None,
     size: tuple[float, float] = (440, 280),
 ) -> Graphic:
@@ -145,7 +145,7 @@ def compared(
     label : str                             What a screen reader says.
     below : str                             What the lower axis is called.
     wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
-    drive : Drive                           Ambient temperatures and power over the same record; none drawn without it.
+    drive : RecordDrive                           Ambient temperatures and power over the same record; none drawn without it.
     limit : float                           Limit of every single difference, over the whole record; none drawn without it. [K]
     size : (width, height)                  Without the panel of the power. [px]
     """
@@ -175,7 +175,7 @@ def compared(
     return Graphic(markup, tuple(entries))
 
 
-def trace(block: SensorTrace, key: str, label: str, drive: Drive | None = None, limit: float | None = None) -> Graphic:
+def trace(block: SensorTrace, key: str, label: str, drive: RecordDrive | None = None, limit: float | None = None) -> Graphic:
     """Return measured against simulated readings of one sensor in one record, with the residuals and what drove them below.
 
     Parameters
@@ -301,7 +301,7 @@ def curves(
     names: tuple[str, str] = ("temperature, °C", ""),
     top: float | None = None,
     size: tuple[float, float] = (440, 250),
-    drive: Drive | None = None,
+    drive: RecordDrive | None = None,
 ) -> Graphic:
     """Return curves over time; a curve that leaves the top is marked with the value at which it ends.
 
@@ -315,7 +315,7 @@ def curves(
     names : (upper, lower)      What the axes show.
     top : float                 Upper end of the axis, where not everything is to be seen.
     size : (width, height)      Without the panel of the power. [px]
-    drive : Drive               Ambient temperatures and power; none drawn without it.
+    drive : RecordDrive               Ambient temperatures and power; none drawn without it.
     """
     length, unit = time_unit(max(float(c.x[-1]) for c in lines))
     areas = [replace(band, x=band.x / length)] if band is not None else []

@@ -38,6 +38,7 @@ from thermid.reporting.blocks.content import (
 )
 from thermid.reporting.blocks.extras import write_page
 from thermid.reporting.pages.tables import versions
+from thermid.reporting.pictures import correlation
 from thermid.reporting.pictures.chart import Area, Stroke
 from thermid.reporting.pictures.figures import compared, curve, curves
 from thermid.reporting.qualification import tables
@@ -127,9 +128,20 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         failed=verdicts.count(False),
         judged=len(verdicts),
         summary=said,
-        outcome=[],
+        outcome=_all_readings(c),
         sections=blocks,
     )
+
+
+def _all_readings(c: Correlation) -> list[PageBlock]:
+    """Return predicted against measured, and the residuals counted, of all overlays."""
+    if not c.overlays:
+        return []
+    shown = correlation.scatter([o.measured for o in c.overlays], [o.simulated for o in c.overlays])
+    residuals = [o.residuals for o in c.overlays]
+    against = Plot(shown, "Simulated against measured; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted).", "", "fig-scatter")
+    counted_ = Plot(correlation.histogram(residuals), f"Residuals: {correlation.spread_words(residuals)}.", "", "fig-histogram")
+    return [Figures((against, counted_))]
 
 
 def _write(
