@@ -14,7 +14,7 @@ namespace thermid {
 namespace {
 constexpr double NEVER = std::numeric_limits<double>::infinity();
 constexpr double PASSED = 1e-9;  // how close to its level a guard counts as passed: what the host's root search may leave [K]
-constexpr double CLOSE = 1e-10;  // of massless nodes, as a share of their temperature
+constexpr double CLOSE = 1e-12;  // of massless nodes, as a share of their temperature
 constexpr int MOST = 100;        // iterations of Newton's method
 }  // namespace
 
@@ -84,7 +84,7 @@ void FmuModel::restore(const Snapshot& kept) {
 void FmuModel::tolerance(double relative) {
     if (!(relative > 0.0)) return;  // those of thermid where the host's are wider
     options_.rtol = std::min(options_.rtol, relative);
-    options_.atol = std::min(options_.atol, 300.0 * relative);
+    options_.atol = std::min(options_.atol, 100.0 * relative);
 }
 
 std::string FmuModel::where(int node) const { return node >= 0 && node < p_.nodes() ? " at '" + image_->nodes[node] + "'" : ""; }

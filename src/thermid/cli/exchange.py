@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,12 +38,15 @@ from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
 from thermid.interop.decks.sinda import read_sinda
 from thermid.interop.decks.written import to_esatan, to_sinda
+from thermid.interop.fmu import to_fmu
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.deck.save import save_model, toml_text
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
@@ -164,9 +168,11 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
 def export(
     deck: Deck,
     form: Annotated[
-        str, typer.Option("--as", help="octave (a function, also for MATLAB), spice (a netlist), sinda or esatan (a deck).")
+        str,
+        typer.Option("--as", help="octave (a function, also for MATLAB), spice (a netlist), sinda, esatan (a deck), fmu (with --to)."),
     ] = "octave",
     to: To = None,
+    fmi: Annotated[str, typer.Option("--fmi", help="Version of the FMU: 3.0 or 2.0.")] = "3.0",
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
     param: Parameters = [],  # noqa: B006
@@ -181,17 +187,31 @@ def export(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN."""
-    forms = ("octave", "spice", "sinda", "esatan")
+    """Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN, or as an FMU."""
+    forms = ("octave", "spice", "sinda", "esatan", "fmu")
     refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
+    if form == "fmu":
+        _export_fmu(model, conditions, to, fmi, accept or (), as_json)
+        return
     writers = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}
     text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else writers[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
         typer.echo(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, {"octave": "%", "spice": "*", "sinda": "C", "esatan": "#"}[form], standing=standing.to_dict())
+    leave(standing)
+
+
+def _export_fmu(model: Model, conditions: Scenario, to: Path | None, version: str, accept: Sequence[str], as_json: bool) -> None:
+    """Write an FMU, and say what is fixed in it."""
+    if to is None:
+        raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu")
+    written = to_fmu(model, conditions, to, version)
+    standing = model_standing(model).accept(accept)
+    shown = {"file": to.name, **written.to_dict(), "standing": standing.to_dict()}
+    say(as_json, shown, standing.over(f"{written}\nwritten: {to}"))
     leave(standing)
 
 

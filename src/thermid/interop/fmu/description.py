@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from xml.etree import ElementTree as Xml
@@ -160,7 +160,13 @@ class _Description:
 
     def head(self, **more: str) -> dict[str, str]:
         text = self.what.text
-        return {"modelName": self.what.title, "description": text, "generationTool": "thermid", "variableNamingConvention": "structured", **more}
+        return {
+            "modelName": self.what.title,
+            "description": text,
+            "generationTool": "thermid",
+            "variableNamingConvention": "structured",
+            **more,
+        }
 
     def experiment(self, root: Xml.Element) -> None:
         more = {"stopTime": repr(self.what.seconds)} if self.what.seconds > 0 else {}
@@ -177,7 +183,9 @@ class _Third(_Description):
         root = Xml.Element("fmiModelDescription", self.head(fmiVersion="3.0", instantiationToken=self.what.token))
         able = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
         Xml.SubElement(root, "ModelExchange", {"modelIdentifier": self.what.identifier, **able})
-        Xml.SubElement(root, "CoSimulation", {"modelIdentifier": self.what.identifier, **able, "canHandleVariableCommunicationStepSize": "true"})
+        Xml.SubElement(
+            root, "CoSimulation", {"modelIdentifier": self.what.identifier, **able, "canHandleVariableCommunicationStepSize": "true"}
+        )
         self.units(root)
         self.categories(root)
         self.experiment(root)
@@ -189,7 +197,12 @@ class _Third(_Description):
         structure = Xml.SubElement(root, "ModelStructure")
         outputs, rates, first = self.unknowns()
         indicators = [k for k, v in enumerate(self.variables) if v.kind == INDICATOR]
-        for tag, places in (("Output", outputs), ("ContinuousStateDerivative", rates), ("InitialUnknown", first), ("EventIndicator", indicators)):
+        for tag, places in (
+            ("Output", outputs),
+            ("ContinuousStateDerivative", rates),
+            ("InitialUnknown", first),
+            ("EventIndicator", indicators),
+        ):
             for k in places:
                 Xml.SubElement(structure, tag, valueReference=str(k))
         return root
@@ -235,5 +248,3 @@ def build_description(identifier: str, sources: Sequence[str]) -> str:
         Xml.SubElement(files, "SourceFile", name=name)
     Xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
-
-

@@ -8,7 +8,7 @@ import platform
 import sys
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import Any, Final
@@ -96,8 +96,8 @@ class ExportedFmu:
 def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0") -> ExportedFmu:
     """Write a model in a scenario as an FMU for model exchange and co-simulation.
 
-    The parameters of the model are parameters of the FMU, by their formulas; constant boundaries and loads are inputs; what changes in time in the
-    scenario is part of the FMU. Temperatures, the heat into every boundary and the power of every load are outputs. All in SI.
+    The parameters of the model are parameters of the FMU, by their formulas; constant boundaries and loads are inputs; what changes in time
+    in the scenario is part of the FMU. Temperatures, the heat into every boundary and the power of every load are outputs. All in SI.
 
     Parameters
     ----------
@@ -116,7 +116,9 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
     library = _library()
     network = network_for(model, scenario)
     if len(network.nodes) > LARGEST:
-        raise ThermidError(f"an FMU takes at most {LARGEST} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.", model.title)
+        raise ThermidError(
+            f"an FMU takes at most {LARGEST} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.", model.title
+        )
     wiring = Wiring(network, scenario, free_parameters(network, scenario))
     wiring.gone = ()  # parameters may change what elimination would rest on
     draft = _Draft(wiring, formulas_of(wiring))
@@ -155,93 +157,110 @@ class _Draft:
         self.notes = tuple(self._notes())
 
     def _variables(self) -> list[FmuVariable]:
-        symbols = self.formulas.symbols
         out = [FmuVariable("time", told.TIME, 0, "independent", unit("s").dimension)]
-        out += [self._symbol(k, s) for k, s in enumerate(symbols)]
-        nodes, capacity = self.engine.nodes, self.wiring.structure.capacity
+        out += [self._symbol(k, s) for k, s in enumerate(self.formulas.symbols)]
+        capacity = self.wiring.structure.capacity
+        first, states = len(out), [k for k, c in enumerate(capacity) if c >= 0]
+        out += [self._state(k) for k in states]
+        for place, k in enumerate(states, start=first):
+            rate = unit("1/s").dimension if out[place].dimension == told.PLAIN else _RATE
+            out.append(FmuVariable(f"der({out[place].name})", told.RATE, k, "local", rate, of=place))
+        out += [self._temperature(node, k) for k, node in enumerate(self.engine.nodes) if capacity[k] < 0]
+        return out + self._boundaries() + self._loads()
+
+    def _state(self, k: int) -> FmuVariable:
+        """Return a continuous state: a temperature, the heat that a node holds, or a state of a control."""
+        node, start = self.engine.nodes[k], float(self.start.initial[k])
         stored = self.formulas.assembled.reduced.stored
-        states = [k for k, c in enumerate(capacity) if c >= 0]
-        hidden = set(nodes) - set(self.wiring.network.nodes)
-        for k in states:
-            what = f"heat of '{stored[nodes[k]][0]}', as a temperature" if nodes[k] in stored else f"temperature of '{nodes[k]}'"
-            prefix = ("held" if nodes[k] in stored else "state") if nodes[k] in hidden else "T"
-            path = stored[nodes[k]][0] if nodes[k] in stored else nodes[k]
-            causality = "local" if nodes[k] in hidden else "output"
-            plain = prefix == "state"
-            kelvin = told.PLAIN if plain else _KELVIN
-            described = f"state of a control: {nodes[k]}" if plain else what
-            out.append(FmuVariable(structured(prefix, path), told.TEMPERATURE_OF, k, causality, kelvin, float(self.start.initial[k]), description=described))
-        first = len(out) - len(states)
-        for place, k in enumerate(states):
-            of = out[first + place]
-            dimension = unit("1/s").dimension if of.dimension == told.PLAIN else _RATE
-            out.append(FmuVariable(f"der({of.name})", told.RATE, k, "local", dimension, of=first + place))
-        for k, c in enumerate(capacity):
-            if c < 0:
-                out.append(FmuVariable(structured("T", nodes[k]), told.TEMPERATURE_OF, k, "output", _KELVIN, description=f"temperature of '{nodes[k]}'"))
-        return out + self._outputs(len(nodes), {s.path for s in symbols if s.kind == "boundary"})
+        if node in stored:
+            of = stored[node][0]
+            what = f"heat of '{of}', as a temperature"
+            return FmuVariable(structured("held", of), told.TEMPERATURE_OF, k, "local", _KELVIN, start, description=what)
+        if node not in self.wiring.network.nodes:
+            return FmuVariable(
+                structured("state", node), told.TEMPERATURE_OF, k, "local", told.PLAIN, start, description="state of a control"
+            )
+        return replace(self._temperature(node, k), start=start)
+
+    def _temperature(self, name: str, k: int, what: str = "") -> FmuVariable:
+        """Return a temperature that follows from others."""
+        return FmuVariable(structured("T", name), told.TEMPERATURE_OF, k, "output", _KELVIN, description=f"temperature of {what}'{name}'")
 
     def _symbol(self, k: int, s: Symbol) -> FmuVariable:
         """Return a parameter or an input."""
         parameters, signals = self.wiring.network.flat.parameters, self.wiring.signals
         if s.kind == "parameter":
-            given = parameters.table[s.path].parameter
+            given, dimension = parameters.table[s.path].parameter, parameters.dimension(s.path)
             bounds = given.minimum, given.maximum
-            return FmuVariable(structured("p", s.path), told.VALUE, k, "parameter", parameters.dimension(s.path), s.start, bounds, given.note)
+            return FmuVariable(structured("p", s.path), told.VALUE, k, "parameter", dimension, s.start, bounds, given.note)
         if s.kind == "boundary":
-            return FmuVariable(structured("T", s.path), told.VALUE, k, "input", _KELVIN, s.start, (0.0, None), f"temperature of boundary '{s.path}'")
-        watts = f"watts {s.path}" in signals
-        what = f"power of load '{s.path}'" if watts else f"command of load '{s.path}': its power is that of the model times this"
-        return FmuVariable(structured("load", s.path), told.VALUE, k, "input", _WATT if watts else told.PLAIN, s.start, description=what)
+            what = f"temperature of boundary '{s.path}'"
+            return FmuVariable(structured("T", s.path), told.VALUE, k, "input", _KELVIN, s.start, (0.0, None), what)
+        if f"watts {s.path}" in signals:
+            return FmuVariable(structured("load", s.path), told.VALUE, k, "input", _WATT, s.start, description=f"power of load '{s.path}'")
+        what = f"command of load '{s.path}': its power is that of the model times this"
+        return FmuVariable(structured("load", s.path), told.VALUE, k, "input", told.PLAIN, s.start, description=what)
 
-    def _outputs(self, nodes: int, given: set[str]) -> list[FmuVariable]:
-        """Return what follows: boundaries with a course, heats, powers, modes, event indicators."""
-        out = []
-        for k, b in enumerate(self.wiring.network.boundaries):
-            if b not in given:
-                out.append(FmuVariable(structured("T", b), told.TEMPERATURE_OF, nodes + k, "output", _KELVIN, description=f"temperature of boundary '{b}'"))
-        for k, b in enumerate(self.wiring.network.boundaries):
-            out.append(FmuVariable(structured("heat", b), told.HEAT, k, "output", _WATT, description=f"heat that flows into boundary '{b}'"))
-        for k, load in enumerate(self.powers):
-            out.append(FmuVariable(structured("power", load), told.POWER, k, "output", _WATT, description=f"power of load '{load}'"))
-        modes = list(self.wiring.structure.controls)
+    def _boundaries(self) -> list[FmuVariable]:
+        """Return temperatures of boundaries that follow a course, and the heat into every one."""
+        boundaries, given = self.wiring.network.boundaries, {s.name for s in self.formulas.symbols}
+        nodes = len(self.engine.nodes)
+        courses = [self._temperature(b, nodes + k, "boundary ") for k, b in enumerate(boundaries) if f"boundary {b}" not in given]
+        return courses + [
+            FmuVariable(structured("heat", b), told.HEAT, k, "output", _WATT, description=f"heat that flows into boundary '{b}'")
+            for k, b in enumerate(boundaries)
+        ]
+
+    def _loads(self) -> list[FmuVariable]:
+        """Return powers of loads, modes of controls and event indicators."""
+        out = [
+            FmuVariable(structured("power", load), told.POWER, k, "output", _WATT, description=f"power of load '{load}'")
+            for k, load in enumerate(self.powers)
+        ]
+        own = self.wiring.structure.controls
         for k, name in enumerate(self.engine.control_names):
-            if k >= len(modes) or modes[k].kind == "thermostat":
-                what = f"mode of control '{name}'" if k >= len(modes) else f"thermostat of '{name}': 1 on, 0 off"
+            if k >= len(own):
+                out.append(FmuVariable(structured("mode", name), told.MODE, k, "output", description=f"mode of control '{name}'"))
+            elif own[k].kind == "thermostat":
+                what = f"thermostat of '{name}': 1 on, 0 off"
                 out.append(FmuVariable(structured("mode", name), told.MODE, k, "output", description=what))
-        for k in range(self._watched()):
-            out.append(FmuVariable(f"indicator.g{k + 1}", told.INDICATOR, k, "local", description="event indicator of a control"))
-        return out
-
-    def _watched(self) -> int:
-        """Return how many guards on temperatures the library watches: two of each thermostat, then those of controls."""
         follow = self.arrays["follow"]
-        own = sum(c.kind == "thermostat" for c in self.wiring.structure.controls)
-        return 2 * own + (sum(g[-1] < 0 for g in follow["guards"]) if follow is not None else 0)
+        guards = 2 * sum(c.kind == "thermostat" for c in own)  # the library watches two of each thermostat, then those of controls
+        guards += sum(g[-1] < 0 for g in follow["guards"]) if follow is not None else 0
+        what = "event indicator of a control"
+        return out + [FmuVariable(f"indicator.g{k + 1}", told.INDICATOR, k, "local", description=what) for k in range(guards)]
 
     def _notes(self) -> list[str]:
         """Return what is fixed, assumed or not carried."""
+        scenario, out = self.wiring.scenario, []
+        moving = [n.partition(" ") for n, given in self.wiring.signals.items() if not isinstance(given, Constant)]
+        courses = [path for kind, _, path in moving if kind in ("boundary", "load", "sine")]
+        courses += list(self.wiring.schedule.signals) if self.wiring.schedule is not None else []
+        if courses:
+            until = f", which ends at {scenario.seconds:g} s; the last value holds after that" if scenario.seconds > 0 else ""
+            out.append(f"Courses of the scenario{until}: {', '.join(dict.fromkeys(courses))}.")
+        if self.wiring.start is not None or scenario.start in ("", *self.wiring.network.boundaries):
+            out.append(
+                "The start is that of the model's own values, as numbers: set temperatures anew where parameters or inputs change it."
+            )
+        return out + self._fixed()
+
+    def _fixed(self) -> list[str]:
+        """Return which values a host cannot set, and what is not carried at all."""
         wiring, out = self.wiring, []
-        given = {s.name for s in self.formulas.symbols}
-        moving = [n for n, s in wiring.signals.items() if not isinstance(s, Constant) and n.partition(" ")[0] in ("boundary", "load")]
-        if moving or wiring.schedule is not None:
-            paths = [n.partition(" ")[2] for n in moving] + (list(wiring.schedule.signals) if wiring.schedule is not None else [])
-            until = f", which ends at {wiring.scenario.seconds:g} s; the last value holds after that" if wiring.scenario.seconds > 0 else ""
-            out.append(f"Courses of the scenario{until}: {', '.join(paths)}.")
-        if wiring.start is not None or self.wiring.scenario.start in ("", *wiring.network.boundaries):
-            out.append("The start is that of the model's own values, as numbers: set the temperatures anew where parameters or boundaries change it.")
-        fixed = [n.partition(" ")[2] for n in self.formulas.refused]
-        if fixed:
-            out.append(f"Fixed, because tables or branches follow them: {', '.join(fixed)}.")
-        still_given = [b for b in wiring.network.boundaries if isinstance(wiring.signals[f"boundary {b}"], Constant) and f"boundary {b}" not in given]
-        held = [b for b in still_given if f"boundary {b}" not in self.formulas.refused]
-        if held:
-            out.append(f"Nothing reaches {', '.join(held)}: no input.")
-        tables = any(curve is not None for curve in (*(r.curve for r in self.start.numbers.conductors), *(r.curve for r in self.start.numbers.loads)))
-        if tables:
+        offered, refused = {s.name for s in self.formulas.symbols}, self.formulas.refused
+        if refused:
+            out.append(f"Fixed, because tables or branches follow them: {', '.join(n.partition(' ')[2] for n in refused)}.")
+        constant = [b for b in wiring.network.boundaries if isinstance(wiring.signals[f"boundary {b}"], Constant)]
+        idle = [b for b in constant if f"boundary {b}" not in offered and f"boundary {b}" not in refused]
+        if idle:
+            out.append(f"Nothing depends on {', '.join(idle)}: no input.")
+        rows = self.start.numbers
+        if any(row.curve is not None for row in rows.conductors) or any(row.curve is not None for row in rows.loads):
             out.append("Laws with tables give no word to the host when their range is left.")
-        out.append("Sources, standings and uncertainties of values are not carried.")
-        return out
+        if any(row.form == "flow" for row in rows.conductors):
+            out.append("The heat into boundaries does not hold what streams carry from them.")
+        return [*out, "Sources, standings and uncertainties of values are not carried."]
 
     def image(self, token: str) -> bytes:
         """Return the data of the library."""
@@ -261,7 +280,9 @@ def _library() -> Path:
     """Return the library that runs models of FMUs on this platform."""
     found = Path(_kernel.__file__).with_name(f"_kernel_fmu{_ENDING}")
     if not found.is_file():
-        raise ThermidError(f"this installation has no library for FMUs: {found.name} stands beside the kernel in a complete one. Install thermid anew.")
+        raise ThermidError(
+            f"this installation has no library for FMUs: {found.name} stands beside the kernel in a complete one. Install thermid anew."
+        )
     return found
 
 
@@ -269,8 +290,8 @@ def _sources() -> dict[str, bytes]:
     """Return name -> content of the sources of the library."""
     installed = Path(_kernel.__file__).with_name("_sources")
     root = installed if installed.is_dir() else Path(__file__).parents[3] / "kernel"
-    rooms = {"algebra": (".cpp", ".hpp"), "network": (".cpp", ".hpp"), "integrator": (".cpp", ".hpp"), "leastsquares": (".cpp", ".hpp")}
-    rooms |= {"fmu": (".cpp", ".hpp"), "ensemble": ("_lanes.hpp",)}
+    rooms: dict[str, tuple[str, ...]] = dict.fromkeys(("algebra", "network", "integrator", "leastsquares", "fmu"), (".cpp", ".hpp"))
+    rooms["ensemble"] = ("_lanes.hpp",)
     out = {}
     for room, endings in rooms.items():
         for file in sorted((root / room).glob("*")):
@@ -281,17 +302,20 @@ def _sources() -> dict[str, bytes]:
 
 def _folder(version: str) -> str:
     """Return the folder of libraries for this platform, as the version names it."""
-    machine = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}.get(platform.machine().lower(), platform.machine())
+    own = platform.machine()
+    machine = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}.get(own.lower(), own)
     if version == "3.0":
-        return f"{machine}-{ {'win32': 'windows'}.get(sys.platform, sys.platform)}"
+        return f"{machine}-{ {'win32': 'windows'}.get(sys.platform, sys.platform) }"
     word = {"win32": "win", "darwin": "darwin"}.get(sys.platform, "linux")
     return f"{word}64" if machine == "x86_64" or word == "darwin" else f"{machine}-{word}"
 
 
 def _page(title: str, notes: Sequence[str]) -> str:
-    lines = "".join(f"<li>{escape(note)}</li>\n" for note in notes)
+    """Return the documentation: what names begin with, and the first lines."""
     names = "p: parameters; T: temperatures; load: loads; heat: into boundaries; power: of loads; mode: of controls. All in SI."
-    return f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><title>{escape(title)}</title>\n<h1>{escape(title)}</h1>\n<p>{names}</p>\n<ul>\n{lines}</ul>\n'
+    head = f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><title>{escape(title)}</title>\n'
+    lines = "".join(f"<li>{escape(note)}</li>\n" for note in notes)
+    return f"{head}<h1>{escape(title)}</h1>\n<p>{names}</p>\n<ul>\n{lines}</ul>\n"
 
 
 def _packed(files: Mapping[str, bytes]) -> bytes:

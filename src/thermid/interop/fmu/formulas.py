@@ -1,4 +1,4 @@
-"""Coefficients of the kernel as formulas over what a host may set: parameters, constant boundaries and constant loads, and which of them hold."""
+"""Coefficients of the kernel as formulas over what a host may set (parameters, constant boundaries and loads), and which of them hold."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from thermid.dual import value_of
 from thermid.errors import ThermidError
 from thermid.interop.wired import Formula, named
+from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant
 from thermid.network.network import Network, Numbers
 from thermid.simulation.scenarios.scenario import Scenario
@@ -74,8 +75,8 @@ def free_parameters(network: Network, scenario: Scenario) -> tuple[str, ...]:
 def formulas_of(wiring: Wiring) -> Formulas:
     """Return the coefficients of a wiring as formulas.
 
-    A symbol is offered where the formulas give what the network itself gives after it has moved, and tables stay as they are: a table that was
-    made from a parameter, or a branch that it decides, has no formula.
+    A symbol is offered where the formulas give what the network itself gives after it has moved, and tables stay as they are: a table that
+    was made from a parameter, or a branch that it decides, has no formula.
 
     Parameters
     ----------
@@ -83,7 +84,8 @@ def formulas_of(wiring: Wiring) -> Formulas:
     """
     own = wiring.assemble(gradients=False)
     values = {f"parameter {p}": value_of(own.numbers.values[p]) for p in wiring.parameters}
-    values |= {f"boundary {b}": value_of(own.offsets[b]) for b in wiring.network.boundaries if isinstance(wiring.signals[f"boundary {b}"], Constant)}
+    constant = [b for b in wiring.network.boundaries if isinstance(wiring.signals[f"boundary {b}"], Constant)]
+    values |= {f"boundary {b}": value_of(own.offsets[b]) for b in constant}
     offered, refused = dict(values), {}
     if not _holds(wiring, own, values, offered, tuple(values)):
         offered = {}
@@ -129,7 +131,11 @@ def _holds(wiring: Wiring, own: Assembled, values: Mapping[str, float], offered:
         line = Line(coefficients)
         ours = line.values(at)
         theirs = np.array(found.coefficients)
-        if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=CLOSE, atol=0.0) or not _same_tables(own.numbers, found.numbers):
+        if (
+            ours.shape != theirs.shape
+            or not np.allclose(ours, theirs, rtol=CLOSE, atol=0.0)
+            or not _same_tables(own.numbers, found.numbers)
+        ):
             return False
     return seen
 
@@ -162,10 +168,14 @@ def _moved(wiring: Wiring, name: str, value: float, by: float) -> float:
     return moved if given.minimum is None else max(moved, given.minimum)
 
 
+def _curves(numbers: Numbers) -> list[Curve | None]:
+    """Return the table of every row."""
+    return [*(row.curve for row in numbers.conductors), *(row.curve for row in numbers.loads)]
+
+
 def _same_tables(one: Numbers, other: Numbers) -> bool:
     """Return whether the tables of all rows are the same."""
-    for mine, theirs in zip((*one.conductors, *one.loads), (*other.conductors, *other.loads), strict=True):
-        a, b = mine.curve, theirs.curve
+    for a, b in zip(_curves(one), _curves(other), strict=True):
         if (a is None) != (b is None):
             return False
         if a is not None and b is not None and not (np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)):
@@ -246,4 +256,3 @@ class Line:
 OPERATIONS = ("number", "name", "+", "-", "*", "/", "neg", "**")
 """In the order of Program::Operation of the library."""
 COMPUTE = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "**": np.power}
-

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -46,9 +46,26 @@ class Writer:
         return b"".join(self.parts)
 
 
-ROWS = ("capacity", "coef_input", "boundary_gain", "boundary_offset", "conductor_kind", "conductor_a", "conductor_b", "conductor_coef")
-ROWS += ("conductor_table", "load_kind", "load_node", "load_coef", "load_sensor", "load_table", "load_control", "control_kind", "control_sensor")
-ROWS += ("control_coef",)
+ROWS: Final = (
+    "capacity",
+    "coef_input",
+    "boundary_gain",
+    "boundary_offset",
+    "conductor_kind",
+    "conductor_a",
+    "conductor_b",
+    "conductor_coef",
+    "conductor_table",
+    "load_kind",
+    "load_node",
+    "load_coef",
+    "load_sensor",
+    "load_table",
+    "load_control",
+    "control_kind",
+    "control_sensor",
+    "control_coef",
+)
 """Arrays of the kernel's problem in the order of the file."""
 
 
@@ -104,7 +121,7 @@ def image(
     nodes: Sequence[str],
     arrays: Mapping[str, Any],
     program: tuple[Sequence[tuple[int, int, int]], Sequence[float], Sequence[int]],
-    values: tuple[Sequence[float], Sequence[float]],
+    values: tuple[Any, Any],
     variables: Sequence[tuple[int, int]],
     powers: Sequence[Sequence[int]],
 ) -> bytes:
