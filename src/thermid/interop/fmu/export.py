@@ -89,7 +89,7 @@ class ExportedFmu:
     def __str__(self) -> str:
         """Its size, and what is fixed or not carried."""
         counts = ", ".join(f"{len(self.names(c))} {c}s" for c in ("parameter", "input", "output"))
-        lines = [f"{self.title}: FMI {self.version}, {len(self.states)} states, {counts}, {self.size / 1e3:.0f} kB"]
+        lines = [f"{self.title}: FMI {self.version}, {len(self.states)} states, {counts}"]
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
