@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from xml.etree import ElementTree as Xml
 
+from thermid.interop.fmu.image import INDICATOR, MODE, RATE, TEMPERATURE_OF
 from thermid.units import NAMES, TEMPERATURE, Dimension, unit
 
-TIME, VALUE, TEMPERATURE_OF, RATE, HEAT, POWER, MODE, INDICATOR = range(8)
-"""Kinds of variables in the order of VariableKind of the library."""
 PLAIN = (Fraction(0),) * 5
 _BASE = ("m", "kg", "s", "A", "K")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")

@@ -11,9 +11,13 @@ import numpy as np
 from thermid import _kernel
 
 MARK = b"THERMID1"
+TIME, VALUE, TEMPERATURE_OF, RATE, HEAT, POWER, MODE, INDICATOR = range(8)
+"""Kinds of variables in the order of VariableKind of the library."""
+OPERATIONS = ("number", "name", "+", "-", "*", "/", "neg", "**")
+"""In the order of Program::Operation of the library."""
 
 
-class Writer:
+class ImageWriter:
     """Collects lists of numbers and texts, each behind its length, little-endian."""
 
     def __init__(self) -> None:
@@ -82,7 +86,7 @@ def still(arrays: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-def write_problem(to: Writer, arrays: Mapping[str, Any]) -> None:
+def write_problem(to: ImageWriter, arrays: Mapping[str, Any]) -> None:
     """Write the arrays of a problem of the kernel, as `KernelProblem.arrays` gives them."""
     for name in ROWS:
         to.ints(arrays[name])
@@ -97,7 +101,7 @@ def write_problem(to: Writer, arrays: Mapping[str, Any]) -> None:
     _write_controls(to, arrays["follow"] or {"states": 0, "machines": [], "factors": [], "guards": [], "samplers": [], "followers": []})
 
 
-def _write_controls(to: Writer, follow: Mapping[str, Any]) -> None:
+def _write_controls(to: ImageWriter, follow: Mapping[str, Any]) -> None:
     to.ints([follow["states"]])
     to.ints(follow["machines"])
     to.count(len(follow["factors"]))
@@ -137,7 +141,7 @@ def image(
     variables : sequence    Kind and place of each value reference.
     powers : sequence       Rows of each load.
     """
-    to = Writer()
+    to = ImageWriter()
     to.text(token)
     to.count(len(nodes))
     for node in nodes:
