@@ -115,7 +115,7 @@ upper = "standard"
         ({"flow": {"face": 1.0}}, r"Give a trajectory with speed, and separation\."),
         ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* too dense there for free molecular flow"),
         ({"flow": {"face": 1.2}, "separation": "170 [s]"}, "the cosine between 'face' and the flight is 1.2"),
-        ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "an accommodation of 1.5"),
+        ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "the accommodation is 1.5"),
     ],
 )
 def test_what_an_ascent_lacks_is_said(more: dict[str, Any], words: str) -> None:

@@ -263,7 +263,7 @@ def test_what_the_pad_needs_is_asked_for(weather: td.Weather) -> None:
         td.pad_scenario(SITE, begin="noon", duration="1 [h]", air_temperature="20 [degC]", sky=False)
     with pytest.raises(ScenarioError, match="length and calm"):
         td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]"}})
-    with pytest.raises(ScenarioError, match="an albedo of 20"):
+    with pytest.raises(ScenarioError, match="the albedo is 20"):
         td.pad_scenario(SITE, weather, albedo=20)
     with pytest.raises(RecordError, match="it covers"):
         td.pad_scenario(SITE, weather, begin="2027-01-01 00:00")
