@@ -178,11 +178,6 @@ class CampaignFile(StrictTable):
         return self.joint or JointFitTable.model_validate({})
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a campaign, for editors."""
-    return CampaignFile.model_json_schema()
-
-
 class KnowledgeTable(StrictTable):
     """Step 1: what is modelled, what for, and what is known of it."""
 
