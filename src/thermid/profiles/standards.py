@@ -113,9 +113,7 @@ def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
     file = Path(path)
     data, lines = read_toml(file)
     where, apart = Places(file.name, lines), "profile" in data
-    return profile_from(
-        data.get("profile", data), lambda key: where(".".join(step for step in ("profile" * apart, key) if step)), file.stem
-    )
+    return profile_from(data.get("profile", data), lambda key: where(f"profile.{key}".rstrip(".") if apart else key), file.stem)
 
 
 def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], stem: str = "profile") -> ThermalProfile:
