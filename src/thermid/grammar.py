@@ -82,9 +82,7 @@ def shown(written: Any) -> str:
 
 Amount: TypeAlias = Annotated[Any, PlainValidator(_amount), WithJsonSchema({"type": ["string", "number"]})]
 """A text with its unit or a number, as it is written; what reads it knows the unit."""
-Names: TypeAlias = Annotated[
-    Any, PlainValidator(_names), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]})
-]
+Names: TypeAlias = Annotated[Any, PlainValidator(_names), WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})]
 """A name, or a list of names."""
 Real: TypeAlias = Annotated[float, Field(strict=True)]
 """A number; true and false are none."""
@@ -111,9 +109,9 @@ def in_form(otherwise: Any, *tables: tuple[Any, tuple[str, ...]]) -> GetPydantic
         known = (table.__name__ for table, keys in tables if {*keys} & {*written})
         return FORM.format(next(known, tables[-1][0].__name__))
 
-    forms = [Annotated[otherwise, Tag(FORM.format("plain"))]]
+    forms: list[Any] = [Annotated[otherwise, Tag(FORM.format("plain"))]]
     forms += [Annotated[table, Tag(FORM.format(table.__name__))] for table, _ in tables]
-    whole = Annotated[Union[tuple(forms)], Discriminator(form)]  # noqa: UP007  # made of a list
+    whole: Any = Annotated[Union[tuple(forms)], Discriminator(form)]  # noqa: UP007  # made of a list
     return GetPydanticSchema(lambda _, handler: handler.generate_schema(whole))
 
 
