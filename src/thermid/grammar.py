@@ -199,7 +199,9 @@ class ColumnTable(StrictTable):
 SignalField: TypeAlias = Annotated[
     Any, in_form(Amount, (ColumnTable, ("file", "column")), (SineTable, ("mean", "amplitude")), (TimesTable, ()))
 ]
-"""What may change with time, as `thermid.model.laws.signal.signal` reads it, or a column of a log."""
+"""What may change with time in a scenario file: as `CourseField`, or a column of a log."""
+CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "amplitude")), (TimesTable, ()))]
+"""What may change with time, as `thermid.model.laws.signal.signal` reads it."""
 
 
 def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[Grammar]) -> ThermidError:

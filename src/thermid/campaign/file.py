@@ -223,7 +223,7 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
 
 def scenario_of(table: ScenarioTable, title: str) -> Scenario:
     """Return the scenario that a stage or verdict gives for what its logs do not say."""
-    return Scenario(title, **table.model_dump())
+    return Scenario(title, **table.written)
 
 
 def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:

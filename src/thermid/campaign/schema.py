@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, WithJsonSchema
 
-from thermid.grammar import StrictTable
+from thermid.grammar import CourseField, StrictTable
 from thermid.measure.readers.bindings import channel_schema
 
 
@@ -46,12 +46,12 @@ class RecordTable(StrictTable):
 class ScenarioTable(StrictTable):
     """What the logs do not say."""
 
-    boundaries: dict[str, Any] = {}
-    loads: dict[str, Any] = {}
-    commands: dict[str, Any] = {}
+    boundaries: dict[str, CourseField] = {}
+    loads: dict[str, CourseField] = {}
+    commands: dict[str, CourseField] = {}
     gains: dict[str, str] = {}
-    schedule: dict[str, Any] = {}
-    prescribed: dict[str, Any] = {}
+    schedule: dict[str, CourseField] = {}
+    prescribed: dict[str, CourseField] = {}
     start: str = ""
     initial: dict[str, str] = {}
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 
 from thermid.errors import ScenarioError, ThermidError
-from thermid.grammar import Amount, Flag, GrammarOf, StrictTable, reads
+from thermid.grammar import Amount, Finite, Flag, Grammar, GrammarOf, StrictTable, reads
 from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
 
@@ -33,6 +34,20 @@ class LimitTable(StrictTable):
     loads: list[str] = []
     mark: str = "project"
     source: str = ""
+
+
+class CriteriaTable(Grammar):
+    """Limits of the errors of a model, by metric; which metrics there are says `thermid.judge.criteria.known_criteria`."""
+
+    model_config = ConfigDict(extra="allow")
+    fault: ClassVar[type[ThermidError]] = ScenarioError
+    __pydantic_extra__: dict[str, Amount]
+
+    share: Finite = 1.0
+    kinds: list[str] = ["steady"]
+    mark: str = "project"
+    source: str = ""
+    sensors: dict[str, dict[str, Amount]] = {}
 
 
 class LimitsFile(GrammarOf[dict[str, LimitTable]]):

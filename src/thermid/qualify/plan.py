@@ -279,6 +279,7 @@ def _found(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
 
 
 Where = Callable[[str], str]
+PROFILE = "thermid.profiles.schema.ProfileTable"
 RANGES = {"temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
 """Key of the validity -> the unit of its two ends."""
 
@@ -324,6 +325,9 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
     have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
     refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
+    for key, kind, given in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
+        if isinstance(given, Mapping):
+            by_grammar(kind, given, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
     rule_of(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
     if test.log is not None and steady and not test.steady and test.profile is None:
