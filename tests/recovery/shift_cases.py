@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.fit.uncertainty.moved import Move, Shift, Test, shifts
-from thermid.fit.uncertainty.noise import Weighed, correlation, weighed
-from thermid.fit.uncertainty.stretches import Binned
+from thermid.fit.uncertainty.noise import Binned, Weighed, correlation, weighed
 
 __all__ = ["CELLS", "Cell", "Count", "counted"]
 

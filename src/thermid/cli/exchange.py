@@ -32,6 +32,7 @@ from thermid.cli.options import (
 from thermid.errors import DeckError, OutputError, refuse_unknown
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
+from thermid.interop.c99 import to_c
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
@@ -43,7 +44,10 @@ from thermid.interop.spice import to_spice
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.deck.save import save_model, toml_text
+from thermid.model.laws.signal import literal
 
+COMMENTS = {"octave": "%", "c": "//", "spice": "*", "sinda": "C", "esatan": "#"}
+"""Form of an export -> what begins a comment in it."""
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
 
@@ -164,7 +168,8 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
 def export(
     deck: Deck,
     form: Annotated[
-        str, typer.Option("--as", help="octave (a function, also for MATLAB), spice (a netlist), sinda or esatan (a deck).")
+        str,
+        typer.Option("--as", help="octave (a function, also for MATLAB), c (a C99 header), spice (a netlist), sinda or esatan (a deck)."),
     ] = "octave",
     to: To = None,
     scenario: ScenarioPath = None,
@@ -179,19 +184,29 @@ def export(
     keep_values: KeepValues = False,
     accept: Accept = None,
     force: Force = False,
+    step: Annotated[
+        str | None, typer.Option("--step", help="Length of a step of the C header: 5 [s]; the longest with an error of 1 mK without it.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN."""
-    forms = ("octave", "spice", "sinda", "esatan")
+    """Write a model in a scenario for another tool: Octave or MATLAB, C, SPICE, SINDA, ESATAN."""
+    forms = tuple(COMMENTS)
     refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
-    writers = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}
-    text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else writers[form](model, conditions)
+    if step is not None and form != "c":
+        raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
+    name = to.stem if to is not None else ""
+    if form == "octave":
+        text = to_octave(model, conditions, name=name)
+    elif form == "c":
+        text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
+    else:
+        text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
         typer.echo(standing.line(), err=True)  # what is written is for another tool to read
-    _say(text, to, as_json, EXPORT, {"octave": "%", "spice": "*", "sinda": "C", "esatan": "#"}[form], standing=standing.to_dict())
+    _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())
     leave(standing)
 
 

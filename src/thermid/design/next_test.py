@@ -21,13 +21,11 @@ from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
 from thermid.fit.uncertainty.groups import listed, percent
-from thermid.fit.uncertainty.logged_inputs import answers_to_inputs
-from thermid.fit.uncertainty.noise import TraceNoise, score_excess
-from thermid.fit.uncertainty.stretches import binned
+from thermid.fit.uncertainty.noise import TraceNoise, answers_to_inputs, binned, score_excess
 from thermid.knowledge.store import Normal, Source
 from thermid.linear_algebra import Array, variance
 from thermid.measure.amounts import duration_text, short
-from thermid.measure.record.scatter import step_of
+from thermid.measure.record.channel import step_of
 from thermid.model.laws.signal import Constant, Signal, TableSignal, literal
 from thermid.model.parts.parameter import Parameter
 from thermid.model.tree.model import Model

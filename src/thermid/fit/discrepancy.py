@@ -21,10 +21,9 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
-from thermid.fit.regime_runs import driven, regimes_of
+from thermid.fit.regime_runs import regimes_of
 from thermid.fit.regimes import KEY as REGIMES
-from thermid.fit.uncertainty.noise import Autocorrelation
-from thermid.fit.uncertainty.stretches import binned
+from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, finite
 from thermid.model.laws.signal import TableSignal
@@ -463,7 +462,7 @@ def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> dict[str
         return {}
     table = problem.experiments[0].network.flat.parameters.table
     free = {t.name for u in problem.unknowns for t in u.targets}
-    free |= {p for e in problem.experiments for p in driven(e.network.flat, e.scenario)}
+    free |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
     paths = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in free]
     if not paths or len(paths) > MANY:
         return {}

@@ -16,12 +16,12 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import SCALE, Experiment
+from thermid.fit.problem.experiment import SCALE, Experiment, of_a_sensor
 from thermid.fit.problem.gather import wired
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
-from thermid.fit.uncertainty.stretches import stretch_means
+from thermid.fit.uncertainty.noise import stretch_means
 from thermid.linear_algebra import Array, Indices, symmetric_inverse
 from thermid.model.laws.signal import Signal, TableSignal
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
@@ -154,12 +154,6 @@ def directions(flat: Flat, fitted: Sequence[str], loads: Sequence[str]) -> dict[
         elif literal := _number(flat, element):
             other.setdefault(literal, group)
     return found | other if len(found) + len(other) <= MANY else found
-
-
-def driven(flat: Flat, scenario: Scenario) -> set[str]:
-    """Return the parameters that a scenario gives a course of its own, and the numbers behind them: nothing else may move these."""
-    given = {flat.names.model.canonical(p) for p in (*scenario.schedule, *scenario.gains.values())}
-    return {p for n in given if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
 
 
 def _emissivity(element: FlatConductor | FlatLoad | FlatNode) -> list[str]:
@@ -362,10 +356,10 @@ def regimes_of(fit: Calibration, misfit: Mapping[str, float]) -> Regimes | None:
     flat = problem.experiments[0].network.flat
     fitted = [*(u.name for u in problem.unknowns if u.kind == "parameter"), *(p for p in below if p in flat.parameters.table)]
     acting = {n for e in problem.experiments for n in _acting(e)}
-    fixed = {p for e in problem.experiments for p in driven(e.network.flat, e.scenario)}
+    fixed = {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
     every = directions(flat, list(dict.fromkeys(fitted)), sorted(acting))
     # a sensor that is a node of its own is an instrument: no other kind of run of the hardware has it
-    names = {n: group for n, group in every.items() if n not in fixed and not any(p.startswith("sensor_") for p in n.split("."))}
+    names = {n: group for n, group in every.items() if n not in fixed and not of_a_sensor(n)}
     if not names:
         return None
     runs = _runs(fit, problem, names, misfit)

@@ -11,7 +11,6 @@ from thermid.arguments import takes_objects
 from thermid.errors import DeckError
 from thermid.files import EXPORT, write_text
 from thermid.interop.wired import (
-    Formula,
     Text,
     Wired,
     conductance_text,
@@ -25,11 +24,9 @@ from thermid.interop.wired import (
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
 from thermid.model.tree.model import Model
-from thermid.model.tree.tree import ParameterSet
 from thermid.network.rows import ConductorRow
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.units import NAMES, describe, unit
 
 OWN = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""
@@ -142,26 +139,12 @@ class _Writer:
 
     def __init__(self, w: Wired, called: str) -> None:
         self.w, self.called = w, called
-        self.table = w.network.flat.parameters.table
-        self.used = self._used()
-        short = identifiers(self.used)
+        short = identifiers(each.path for each in w.parameters)
         self.fields = {p: f"{n}_" if n in KEYWORDS else n for p, n in short.items()}
         self.nodes = identifiers((*w.network.nodes, *w.network.boundaries))
         self.rows = identifiers(label for label, _ in w.conductors)
         self.curves: dict[Curve, int] = {}
         self.text = Text(lambda path: f"p.{self.fields[path]}")
-
-    def _used(self) -> list[str]:
-        """Return the parameters that the rows need, each after what it is made of."""
-        parameters = self.w.network.flat.parameters
-        formulas: list[object] = [c for _, row in self.w.conductors for c in row.coefficients]
-        formulas += [*self.w.capacitances.values(), *(s.power for s in self.w.sources)]
-        wanted = {path for f in formulas if isinstance(f, Formula) for path in f.paths()}
-        for path in reversed(parameters.order):
-            if path in wanted:
-                entry = self.table[path]
-                wanted |= {entry.scope + n for n in entry.parameter.expression.names}
-        return [p for p in parameters.order if p in wanted]
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the file."""
@@ -194,25 +177,16 @@ class _Writer:
 
     def _parameters(self) -> Iterator[str]:
         yield from ("", "function p = parameters()", "  % Values. [SI]")
-        values = self.w.network.numbers().values
-        for path in self.used:
-            written = self.table[path].parameter
-            if written.is_literal:
-                unit = _si_unit(self.w.network.flat.parameters, path)
-                note = one_line(f"[{unit}] {written.note or written.basis}")
-                yield f"  p.{self.fields[path]} = {number_text(float(values[path]))};  % {note}"
+        for each in self.w.parameters:
+            if each.formula is None:
+                yield f"  p.{self.fields[each.path]} = {number_text(each.value)};  % {one_line(f'[{each.unit}] {each.note}')}"
         yield "end"
 
     def _derived(self) -> Iterator[str]:
         yield from ("", "function p = derived(p)", "  % Values that follow from others. [SI]")
-        values = self.w.network.numbers().values
-        for path in self.used:
-            entry = self.table[path]
-            if not entry.parameter.is_literal:
-                scope = entry.scope
-                formula = entry.parameter.expression.evaluate(lambda n, s=scope: Formula(float(values[s + n]), "name", (s + n,)))  # type: ignore[misc]
-                unit = _si_unit(self.w.network.flat.parameters, path)
-                yield f"  p.{self.fields[path]} = {self.text.of(formula)};  % [{unit}]"
+        for each in self.w.parameters:
+            if each.formula is not None:
+                yield f"  p.{self.fields[each.path]} = {self.text.of(each.formula)};  % [{each.unit}]"
         yield "end"
 
     def _initial(self) -> Iterator[str]:
@@ -389,10 +363,3 @@ def _wrapped(start: str, words: Sequence[str], between: str, end: str) -> Iterat
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
-
-
-def _si_unit(parameters: ParameterSet, path: str) -> str:
-    """Return the SI unit of a parameter: ``W/(m^2 K)``, ``-`` for a plain number."""
-    dimension = parameters.dimension(path)
-    text = next((t for t in NAMES if unit(t).dimension == dimension), "")
-    return {"1": "-", "": describe(dimension).removeprefix("a quantity in ")}.get(text, text)

@@ -61,6 +61,22 @@ class _Reached:
 
 
 @dataclass(frozen=True, eq=False)
+class Varied:
+    """What depends on some parameters, at one set of their values.
+
+    Parameters
+    ----------
+    parts : dict            Parameters and rows by element, of the whole network.
+    capacitances : dict     Node path -> capacitance [J/K], of the nodes that depend on them.
+    rows : tuple            Conductors and loads that depend on them, and all controls, in order.
+    """
+
+    parts: Mapping[str, Any]
+    capacitances: Mapping[str, Number | None]
+    rows: tuple[ConductorRow | LoadRow | ControlRow, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Network:
     """A compiled model.
 
@@ -109,8 +125,37 @@ class Network:
         DeckError   When a capacitance or conductance is negative, joints take more area than a surface has, or streams do not close
                     their masses.
         """
+        return self.numbers_of(self.parts(overrides))
+
+    def parts(self, overrides: Mapping[str, Number] | None = None) -> Mapping[str, Any]:
+        """Return parameters and rows by element, as `numbers` has them; `varied` starts from these."""
         given = dict(overrides or {})
-        return self._numbers(self._evaluate(given, self._static()) if given else self._static())
+        return self._evaluate(given, self._static()) if given else self._static()
+
+    def varied(self, kept: Mapping[str, Any], overrides: Mapping[str, Number], names: tuple[str, ...]) -> Varied:
+        """Return what depends on some parameters at other values of these, and only that.
+
+        Parameters
+        ----------
+        kept : dict         From `parts`, at all other values.
+        overrides : dict    Parameter path -> number, of all that are replaced: those of `kept` and the changed ones. [SI]
+        names : tuple       Paths of the changed ones.
+        """
+        changed = self.memo.made(("reached", names), lambda: self._reached(names))
+        parts = self._at(overrides, changed, kept)
+        capacitances = {n.path: parts["capacitances"][n.path] for n in changed.nodes if n.path not in self.boundaries}
+        conductors = [row for c in changed.conductors for row in parts["conductors"][c.path]]
+        loads = [row for load in changed.loads for row in parts["loads"][load.path]]
+        controls = [control_row(self.flat.controls[name], parts["values"]) for name in self.controls]
+        return Varied(parts, capacitances, (*conductors, *loads, *controls))
+
+    def places(self, kept: Mapping[str, Any], names: tuple[str, ...]) -> tuple[int, ...]:
+        """Return where the rows of `varied` stand among all conductors, loads and controls of `numbers`."""
+        changed = self.memo.made(("reached", names), lambda: self._reached(names))
+        conductors, loads = {c.path for c in changed.conductors}, {load.path for load in changed.loads}
+        moved = [path in conductors for path, rows in kept["conductors"].items() for _ in rows]
+        moved += [path in loads for path, rows in kept["loads"].items() for _ in rows]
+        return tuple(k for k, own in enumerate([*moved, *(True for _ in self.controls)]) if own)
 
     def _static(self) -> Mapping[str, Any]:
         """Return parameters and rows at the model's own values."""
@@ -149,7 +194,8 @@ class Network:
             tuple(load for load in flat.loads if touched & {*load.fields.values(), *(t.path for t in load.takes)}),
         )
 
-    def _numbers(self, parts: Mapping[str, Any]) -> Numbers:
+    def numbers_of(self, parts: Mapping[str, Any]) -> Numbers:
+        """Return the rows of `parts`."""
         kept = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}
         conductors = tuple(row for rows in parts["conductors"].values() for row in rows)
         loads = tuple(row for rows in parts["loads"].values() for row in rows)
@@ -162,6 +208,8 @@ class Network:
         return self.memo.made("controls", self._named_controls)
 
     def _named_controls(self) -> tuple[str, ...]:
+        if not self.flat.controls:
+            return ()
         by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
         named = {name for several in by for name in control_names(several)} | set(self.steered)
         return tuple(name for name in self.flat.controls if name in named)

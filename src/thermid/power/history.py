@@ -16,9 +16,7 @@ from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.problem.unknowns import Influence, Unknown
-from thermid.fit.uncertainty.logged_inputs import answers_to_inputs
-from thermid.fit.uncertainty.noise import TraceNoise, covariance_of_means
-from thermid.fit.uncertainty.stretches import Binned, binned
+from thermid.fit.uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.linear_algebra import NOTHING, Array, Bools
 from thermid.linear_algebra import covariance as information_inverse
 from thermid.measure import Record

@@ -24,7 +24,8 @@ from thermid.fit.discrepancy import (
     losing_gas,
     misfit_kept,
 )
-from thermid.fit.regime_runs import driven, kind_of_run
+from thermid.fit.problem.experiment import of_a_sensor
+from thermid.fit.regime_runs import kind_of_run
 from thermid.fit.regimes import FEW, LEFT, KindsSeen
 from thermid.knowledge.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
@@ -478,8 +479,8 @@ class Budget:
         names = list(seen.directions)
         free, moved = seen.response()
         # a sensor that is a node of its own has values too, which the predicted model does not hold
-        alien = {n for n in (*names, *free) if "sensor_" in n and n not in flat.parameters.table}
-        fixed = driven(flat, self.scenario) | alien
+        alien = {n for n in (*names, *free) if of_a_sensor(n) and n not in flat.parameters.table}
+        fixed = self.scenario.driven(flat) | alien
         sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
         gain = np.diag(sizes)
         if kind in moved:
@@ -717,7 +718,7 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
     """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
     table = parameter_table(model)
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
-    moved = driven(network.flat, scenario)
+    moved = scenario.driven(network.flat)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
     numbers = network.numbers().values
     out = []
@@ -762,7 +763,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
 def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
     """Return fitted value -> assumed value -> what a fit would have found more for one more of its SI unit. [SI]"""
     network = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed))
-    fixed = driven(network.flat, budget.scenario)
+    fixed = budget.scenario.driven(network.flat)
     forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log") and t.name not in fixed}
     numbers = network.numbers().values
     out: dict[str, dict[str, float]] = {}

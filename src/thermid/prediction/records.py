@@ -23,7 +23,7 @@ from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.regime_runs import wandering
 from thermid.fit.regimes import KindsSeen, OwnValue
-from thermid.fit.uncertainty.stretches import stretch_means
+from thermid.fit.uncertainty.noise import stretch_means
 from thermid.knowledge.store import LeftOut, Normal, Source
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure import Record

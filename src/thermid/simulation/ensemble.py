@@ -407,7 +407,7 @@ class _Collector:
 
     def fill(self, share: Indices) -> None:
         """Assemble a share of the members together, or apart where they differ."""
-        if share.size == 1 or self.wiring.schedule is not None:
+        if share.size == 1:
             for member in share.tolist():
                 self._one(member)
             return

@@ -11,9 +11,8 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.record.channel import BoolArray, FloatArray, stretch, within_log
+from thermid.measure.record.channel import BoolArray, FloatArray, step_of, stretch, within_log
 from thermid.measure.record.record import Record
-from thermid.measure.record.scatter import step_of
 from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT

@@ -10,8 +10,7 @@ import pytest
 import thermid as td
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import InputNoise
-from thermid.fit.uncertainty.logged_inputs import answers_to_inputs, score_of_inputs
-from thermid.fit.uncertainty.stretches import binned
+from thermid.fit.uncertainty.noise import answers_to_inputs, binned, score_of_inputs
 
 DECK = """
 title = "heated plate under a cover"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.uncertainty.rounding import blur_of, shared_rounding
+from thermid.measure.record.rounding import blur_of, shared_rounding
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 STEP = 0.5

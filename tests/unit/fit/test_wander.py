@@ -12,8 +12,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.unknowns import Unknown
-from thermid.fit.uncertainty.noise import _beside, _leaning, correlation
-from thermid.fit.uncertainty.stretches import binned
+from thermid.fit.uncertainty.noise import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model
 from thermid.simulation.scenarios.scenario import Scenario

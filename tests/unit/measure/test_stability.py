@@ -7,8 +7,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError
-from thermid.measure.record.channel import Channel
-from thermid.measure.record.scatter import step_of
+from thermid.measure.record.channel import Channel, step_of
 from thermid.measure.record.steadiness import RULES, channel_stability, rule_of, since_when
 
 HOUR = 3600.0

@@ -49,3 +49,64 @@ def test_a_sum_is_refused_in_a_run_at_other_values() -> None:
     assert ready.run()["n"].kelvin == pytest.approx(alone("a + b"), abs=1e-6)
     with pytest.raises(ScenarioError, match="do not act as a product, so one schedule does not serve all runs"):
         ready.run({"b": 0.6})
+
+
+def two_ways() -> td.Model:
+    return td.model_from_dict(
+        {
+            "title": "x",
+            "needs": ["air"],
+            "parameters": {"a": "0.5 [W/K]", "b": "0.2 [W/K]", "c": 1.0, "d": 1.0, "bend": 0.5},
+            "nodes": {"n": {"capacitance": "100 [J/K]"}, "m": {"capacitance": "50 [J/K]"}},
+            "conductors": {
+                "g": {"kind": "conduction", "between": ["n", "air"], "conductance": "a*c"},
+                "k": {"kind": "conduction", "between": ["m", "n"], "conductance": "b*d**bend"},
+                "still": {"kind": "conduction", "between": ["m", "air"], "conductance": "0.05 [W/K]"},
+            },
+            "loads": {"h": {"into": "n", "power": "2 [W]"}},
+        }
+    )
+
+
+def falling_and_rising() -> td.Scenario:
+    """One value falls while the other rises, so the sample at which everything is largest hangs on the factors."""
+    times = [f"{600 * k} [s]" for k in range(7)]
+    down = {"times": times, "values": [f"{0.5 - 0.06 * k} [W/K]" for k in range(7)]}
+    up = {"times": times, "values": [f"{0.02 + 0.08 * k} [W/K]" for k in range(7)]}
+    return td.Scenario("s", boundaries={"air": "20 [degC]"}, start="air", duration="1 [h]", schedule={"a": down, "b": up})
+
+
+def test_members_of_a_schedule_are_those_of_single_runs() -> None:
+    """Members were refused where other factors made another sample the largest: 'do not act as a product'."""
+    rng = np.random.default_rng(1)
+    draws = {"c": rng.uniform(0.2, 3.0, 40), "d": rng.uniform(0.2, 30.0, 40)}
+    found = td.ensemble(two_ways(), falling_and_rising(), draws, every=60.0)
+    assert not found.failed
+    for member in range(0, 40, 7):
+        own = {k: float(v[member]) for k, v in draws.items()}
+        single = td.simulate(two_ways().with_values({k: repr(v) for k, v in own.items()}), falling_and_rising(), every=60.0)
+        for node in ("n", "m"):
+            assert found.temperatures(node)[:, member] == pytest.approx(single[node].kelvin, abs=2e-4)
+
+
+def test_a_schedule_is_evaluated_for_all_members_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was evaluated for every member: 2,000 members of a scheduled run took minutes."""
+    from thermid.network.network import Network
+
+    calls = []
+    whole = Network.varied
+    monkeypatch.setattr(Network, "varied", lambda *given: (calls.append(1), whole(*given))[1])
+
+    def counted(members: int) -> int:
+        calls.clear()
+        td.ensemble(two_ways(), falling_and_rising(), {"c": np.linspace(0.5, 1.5, members)}, every=600.0)
+        return len(calls)
+
+    assert counted(300) == counted(3)
+
+
+def test_only_members_that_are_no_product_are_refused() -> None:
+    found = td.ensemble(model("a*c + b"), SCENARIO, {"c": [1.0, 2.0, 1.0], "b": [0.2, 0.2, 0.2]})
+    assert list(found.failed) == [1]
+    for member in (0, 2):
+        assert found.temperatures("n")[:, member] == pytest.approx(alone("a*c + b"), abs=1e-6)

@@ -15,8 +15,7 @@ from thermid.errors import NameNotFoundError, RecordError, ThermidError, refuse_
 from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.measure import Channel, Record
-from thermid.measure.record.channel import SecondClock
-from thermid.measure.record.scatter import found_noise, step_of
+from thermid.measure.record.channel import SecondClock, found_noise, step_of
 from thermid.measure.record.sensor import SensorPart
 from thermid.memo import Memo
 from thermid.model.deck.modelfile import model_from_dict
@@ -191,8 +190,17 @@ def at_their_seats(record: Record) -> Record:
     return record.with_channels(*made) if made else record
 
 
+OF_A_SENSOR = "sensor_"
+"""How the name of a submodel begins that stands for a sensor and its leads."""
+
+
 def _named(channel: Channel) -> str:
-    return f"sensor_{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
+    return f"{OF_A_SENSOR}{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
+
+
+def of_a_sensor(path: str) -> bool:
+    """Whether a path lies in the submodel of a sensor, which belongs to its record and not to the model."""
+    return any(p.startswith(OF_A_SENSOR) for p in path.split("."))
 
 
 def _seat(channel: Channel, node: str) -> Seat:

@@ -14,8 +14,7 @@ from thermid.fit.problem.request import Request, form, known_before
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.fit.uncertainty.information import Opened, covering, opened_at
-from thermid.fit.uncertainty.noise import Weighed, weighed
-from thermid.fit.uncertainty.stretches import binned
+from thermid.fit.uncertainty.noise import Weighed, binned, weighed
 from thermid.knowledge.store import State
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse

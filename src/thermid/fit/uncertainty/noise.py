@@ -6,18 +6,283 @@ White noise plus an exponentially autocorrelated deviation, by restricted likeli
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 
 from thermid.fit.minimisation import Fit, covariances
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.uncertainty.logged_inputs import answers_to_inputs, score_of_inputs
-from thermid.fit.uncertainty.stretches import Binned, binned
+from thermid.fit.problem.experiment import SCALE, Experiment, InputNoise, Observation
+from thermid.fit.problem.residuals import Bench, Problem, SensorTrace, loss_of
 from thermid.linear_algebra import Array, Indices, finite, square_root
+from thermid.measure.record.channel import unrounded
+from thermid.measure.record.rounding import blur_of, shared_rounding
+from thermid.model.laws.signal import Constant, Signal, TableSignal
+from thermid.model.tree.flat import FlatLoad
 from thermid.renamed import Renamed
+
+BINS = 80
+"""A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
+shows as a larger scatter of their means."""
+
+FELT = 0.02
+"""Part of the variance of a reading from which rounding errors that neighbours share count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Binned:
+    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom.
+
+    `effective_share` is what a sample is worth by what is said of its noise. Rounding errors that samples share have the covariance
+    ``rounding rounding'`` of their sums over stretches (stretches, terms), `rounded` of it the variance of each sample by itself; both in
+    units of the noise.
+    """
+
+    mean: Array
+    count: Array
+    times: Array
+    slopes: Array
+    within: float
+    inner: int
+    squares: float
+    effective_share: float = 1.0
+    rounding: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    rounded: float = 0.0
+
+    @property
+    def shares_rounding(self) -> bool:
+        """Whether readings are rounded so that neighbours share an error worth counting."""
+        return self.rounded > FELT and self.rounding.size > 0
+
+    def before(self, end: float) -> Binned:
+        """Return the stretches up to a time [s]."""
+        kept = self.times <= end
+        rounding = self.rounding[kept] if self.rounding.size else self.rounding
+        return replace(
+            self, mean=self.mean[kept], count=self.count[kept], times=self.times[kept], slopes=self.slopes[kept], rounding=rounding
+        )
+
+
+def stretch_means(values: Array, place: Indices, size: int) -> Array:
+    """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
+    return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
+
+
+def binned_trace(
+    z: Array,
+    weighed: Array,
+    place: Indices,
+    centres: Array,
+    slopes: Array,
+    effective_share: float,
+    rounding: tuple[Array, float] | None = None,
+) -> Binned:
+    """Return a trace in the stretches that hold samples.
+
+    Parameters
+    ----------
+    z, weighed : array (samples,)           Residuals in units of the noise, and times the weight of a robust loss.
+    place : array (samples,)                Stretch of each sample.
+    centres : array (stretches,)            Times. [s]
+    slopes : array (stretches, unknowns)    Derivatives of the residuals.
+    rounding : (array, float)               See `shared_rounding`, in units of the noise; none where readings are not rounded.
+    """
+    count = np.bincount(place, minlength=centres.size).astype(float)
+    mean, full = stretch_means(weighed, place, centres.size), count > 0
+    inside, spare = weighed - mean[place], z.size - int(full.sum())
+    within = float(inside @ inside) / max(spare, 1)
+    columns, own = (rounding[0][full], rounding[1]) if rounding is not None else (np.zeros((0, 0)), 0.0)
+    return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share, columns, own)
+
+
+def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float] | None:
+    """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps."""
+    if not o.step:
+        return None
+    path = block.predicted
+    blur = o.blur if o.blur is not None else blur_of(path, block.measured, o.step)
+    columns, own = shared_rounding(path, o.step, blur, place, size)
+    return columns / block.noise, own / block.noise**2
+
+
+def binned(
+    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = BINS
+) -> dict[tuple[str, str], Binned]:
+    """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
+    out: dict[tuple[str, str], Binned] = {}
+    blocks = iter(problem.blocks(fitted))
+    for i, experiment in enumerate(problem.experiments):
+        times = experiment.times
+        own, count = times.size <= 2 * BINS, min(bins, times.size // 2)
+        edges = times if own else np.linspace(times[0], times[-1], count + 1)[:-1]
+        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / count
+        slopes = problem.slopes(i, fitted, centres)
+        for k, o in enumerate(experiment.observations):
+            block = next(blocks)
+            z = block.weighted
+            weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
+            place = np.searchsorted(edges, times[o.index], side="right") - 1
+            rounding = rounding_of(block, o, place, centres.size)
+            out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
+    return out
+
+
+STRETCHES = 80
+"""A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
+
+
+def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> dict[tuple[str, str], Array]:
+    """Return (record, sensor) -> what a standard deviation of each independent cause does to its residuals (stretches, causes).
+
+    Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause. The h of a stretch of samples is the
+    difference of two answers of the readings to a step of the signal, one begun where the stretch begins and one where it ends; the answer
+    to a step is taken from the sensitivity to a constant shift of the signal, with the start held: one run for all stretches, exact where
+    coefficients do not change. The shift of a power is a further load of zero size. The causes of the sensors of one record are the same.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : array (unknowns,)    The end of the fit, in the fitted form.
+    pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
+
+    Raises
+    ------
+    SolverError   When a record cannot be run.
+    """
+    out: dict[tuple[str, str], Array] = {}
+    for i, experiment in enumerate(problem.experiments):
+        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
+        if not problem.unknowns or not (noisy or (experiment.ticks is not None and experiment.ticks.sampled)):
+            continue
+        keys = [(experiment.record.name, o.sensor) for o in experiment.observations]
+        causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
+        for change in _instants(problem, i, fitted):
+            for k, (key, o) in enumerate(zip(keys, experiment.observations, strict=True)):
+                causes[key].append(change(pieces[key].times)[:, [k]] / o.sigma(problem.noise))
+        for path, signal, answers in _answers(problem, i, fitted, list(noisy), [pieces[key].times for key in keys]) if noisy else ():
+            begin, end = float(experiment.times[0]), float(experiment.times[-1])
+            within = (signal.instants >= begin) & (signal.instants <= end)
+            times = signal.instants[within]
+            if times.size < 2:
+                continue
+            edges = np.linspace(begin, end, min(STRETCHES, times.size) + 1)
+            place = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, edges.size - 2)
+            errors = _errors_of_means(noisy[path], times, np.asarray(signal.levels)[within], place, edges.size - 1)
+            for key, o, step in zip(keys, experiment.observations, answers, strict=True):
+                after = np.array([step(pieces[key].times - edge) for edge in edges])
+                causes[key].append((after[:-1] - after[1:]).T @ errors / o.sigma(problem.noise))
+        out |= {key: np.concatenate(several, axis=1) for key, several in causes.items() if several}
+    return out
+
+
+CHANGES = 20
+"""The largest changes of a sampled power whose instants are followed; what small ones do is small."""
+
+
+def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Array], Array]]:
+    """Yield, of each large change of a sampled power on a second clock, what a standard deviation of its instant does to the readings.
+
+    Each yielded function takes times (times,) [s] and returns (times, sensors) [K]. A change lies anywhere between two samples: a standard
+    deviation is the interval over the root of 12.
+    """
+    bench = problem.bench(i, fitted)
+    experiment, values = bench.experiment, problem.inputs(i, fitted)[0]
+    if experiment.ticks is None:
+        return
+    width = experiment.ticks.clock.step * experiment.ticks.at[1]
+    for name, path in experiment.ticks.driven:
+        table = getattr(experiment.scenario, name)[path]
+        if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
+            continue
+        for k in table.largest_changes(CHANGES):
+
+            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+                sides = []
+                for side in (-0.2, 0.2):
+                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * width)}}
+                    other = replace(experiment, scenario=experiment.scenario.with_(**changed))
+                    sides.append(Bench.of(other, bench.free).temperatures(values, False, problem.options, times)[0])
+                return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
+
+            yield answer
+
+
+def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:
+    """Return a root (stretches, causes) of the covariance of the errors of a signal's means over stretches. [K, W]"""
+    count = np.bincount(place, minlength=size)
+    full = np.flatnonzero(count)
+    white = np.zeros((size, full.size))
+    white[full, np.arange(full.size)] = noise.white / np.sqrt(count[full])
+    if not noise.step or noise.white >= noise.step:
+        return white
+    shared, _ = shared_rounding(unrounded(times, values), noise.step, noise.white, place, size)
+    return np.concatenate([white, shared / np.maximum(count, 1)[:, None]], axis=1)
+
+
+def score_of_inputs(pieces: Mapping[tuple[str, str], Binned], inputs: Mapping[tuple[str, str], Array]) -> Array:
+    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
+
+    A cause that moves the residuals by h moves J'r by J'h, summed over the sensors of its record: covariance ``sum (J'h) (J'h)'``.
+    """
+    size = next((b.slopes.shape[1] for b in pieces.values()), 0)
+    moved: dict[str, Array] = {}
+    for (record, sensor), causes in inputs.items():
+        b = pieces[record, sensor]
+        moved[record] = moved.get(record, 0.0) + (b.count[:, None] * b.slopes).T @ causes
+    return sum((m @ m.T for m in moved.values()), np.zeros((size, size)))
+
+
+def _signal(experiment: Experiment, path: str) -> Signal | None:
+    """Return the signal of a boundary, or of a power by the name of its scale."""
+    load = path.removeprefix(SCALE)
+    return experiment.scenario.loads.get(load) if load != path else experiment.scenario.boundaries.get(path)
+
+
+class _Step:
+    """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
+
+    def __init__(self, times: Array, answer: Array) -> None:
+        self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
+
+    def __call__(self, since: Array) -> Array:
+        return np.where(since > 0.0, np.interp(since, self.times, self.answer), 0.0)
+
+
+def _answers(
+    problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
+) -> Iterator[tuple[str, TableSignal, list[_Step]]]:
+    """Yield every signal by its path with the answer of each sensor to a step of it."""
+    given = problem.bench(i, fitted)
+    values, _ = problem.inputs(i, fitted)
+    experiment, named = _shifted(given.experiment, paths)
+    more = [p for p in named if p not in given.free]
+    bench = Bench.of(experiment, (*given.free, *more)) if more else given
+    x = np.concatenate([values, np.zeros(len(more))])
+    times = np.unique(np.concatenate(centres))
+    _, slopes = bench.temperatures(x, True, problem.options, times, from_rest=True)
+    since = times - float(given.experiment.times[0])
+    late = since > 0.0
+    for path, name in zip(paths, named, strict=True):
+        signal = _signal(given.experiment, path)
+        assert isinstance(signal, TableSignal)
+        place = bench.free.index(name)
+        yield path, signal, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
+
+
+def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, list[str]]:
+    """Return an experiment with a load of 1 W beside every logged power among some signals, and what is free to shift each signal."""
+    network, scenario = experiment.network, experiment.scenario
+    nodes = {load.path: load.node for load in network.flat.loads}
+    beside = {p: f"noise {p.removeprefix(SCALE)}" for p in paths if p.startswith(SCALE)}
+    if not beside:
+        return experiment, list(paths)
+    loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
+    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
+    scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
+    made = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
+    return made, [SCALE + beside[p] if p in beside else p for p in paths]
+
 
 TIMES = 7
 """Correlation times that are tried, from one stretch to half the record."""

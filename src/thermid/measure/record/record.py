@@ -33,10 +33,10 @@ from thermid.measure.record.channel import (
     even_step,
     gap_from,
     gap_limit,
+    step_of,
     stretch,
     with_sensor,
 )
-from thermid.measure.record.scatter import step_of
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit

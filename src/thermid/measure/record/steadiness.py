@@ -15,8 +15,7 @@ import numpy as np
 
 from thermid.errors import RecordError, look_up, nearest
 from thermid.measure.amounts import amount, duration_text, positive_seconds
-from thermid.measure.record.channel import Channel, FloatArray, Samples, stretch
-from thermid.measure.record.scatter import step_of
+from thermid.measure.record.channel import Channel, FloatArray, Samples, step_of, stretch
 from thermid.units import format_value
 
 R = TypeVar("R", bound=Samples)

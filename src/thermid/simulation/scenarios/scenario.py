@@ -9,6 +9,7 @@ from typing import Any
 
 from thermid.errors import ScenarioError, refuse_unknown
 from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
+from thermid.model.tree.flat import Flat
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, Sky
 from thermid.network.medium import Media
@@ -171,6 +172,11 @@ class Scenario:
         moved = self.mapped(lambda s: s.shifted(seconds), but)
         skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, Sky) and k not in but}
         return replace(moved, irradiation={**moved.irradiation, **skies})
+
+    def driven(self, flat: Flat) -> set[str]:
+        """Return the parameters that have a course of their own, and the numbers behind them: nothing else may move these."""
+        given = {flat.names.model.canonical(p) for p in (*self.schedule, *self.gains.values())}
+        return {p for n in given if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
 
     def check_spans(self) -> None:
         """Refuse signals that end before the run, or begin after it: nothing says what holds there.

@@ -30,7 +30,7 @@ from thermid.model.laws.signal import (
 from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.controls import COMPLEMENT
 from thermid.network.controls import ControlRow
-from thermid.network.network import Network, Numbers, Reduced, eliminable, reduce_network, with_controllers, with_stores
+from thermid.network.network import Network, Numbers, Reduced, Varied, eliminable, reduce_network, with_controllers, with_stores
 from thermid.network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.network.streams import signal_of
 from thermid.simulation.scenarios.scenario import PERIODIC, STEADY, Scenario, Start
@@ -141,6 +141,8 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) ->
 
 ROUNDING = 1e-13
 """Share of its largest value below which a scheduled value is zero. [-]"""
+SAME = (1e-9, 1e-12)
+"""How far a coefficient over its reference may lie from its course, relative and absolute. [-]"""
 
 
 def _with_zeros(times: Array, columns: Array) -> Array:
@@ -199,105 +201,162 @@ def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
     return Schedule(signals, scenario.seconds)
 
 
-def scheduled(network: Network, schedule: Schedule, free: Mapping[str, Number]) -> tuple[Numbers, dict[tuple[str, int, int], Drawn]]:
-    """Return the numbers at the reference sample, and which coefficient follows which signal.
+@dataclass(frozen=True, eq=False)
+class ScheduledCoefficient:
+    """How one coefficient changes.
 
-    Keys of the second are (row's name, position among the rows of that name, coefficient). A coefficient that changes is its value at the
-    reference sample times a signal; its derivatives must then scale with it, which holds for every product. One that vanishes there has
-    the sample at which it is largest for its own reference.
-
-    Raises
-    ------
-    ScenarioError   When a capacitance would change, or a freed parameter and a scheduled one do not act as a product.
+    Parameters
+    ----------
+    sample : int                Of reference, at which it does not vanish.
+    ratio : array (samples,)    Its value at each distinct sample over that at the reference. [-]
     """
-    clash = sorted(set(schedule.signals) & set(free))
-    if clash:
-        raise ScenarioError(f"'{clash[0]}' follows a schedule, so it cannot be freed. Free what multiplies it.", network.title)
-    sets = [network.numbers({**free, **schedule.overrides(k)}) for k in range(len(schedule.rows))]
-    for node, first in sets[0].capacitances.items():
-        if first is not None and any(value_of(s.capacitances[node] or 0.0) != value_of(first) for s in sets):
-            raise ScenarioError(
-                f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", network.title
-            )
-    reference = max(range(len(sets)), key=lambda k: _magnitude(sets[k]))
-    base = sets[reference]
-    out: dict[tuple[str, int, int], Drawn] = {}
-    every: list[tuple[ConductorRow | LoadRow | ControlRow, ...]] = [(*s.conductors, *s.loads, *s.controls) for s in sets]
+
+    sample: int
+    ratio: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduledCoefficients:
+    """Which coefficients of a network follow a schedule.
+
+    A coefficient that changes is its value at a sample of reference times a signal. That holds where the scheduled parameters act as
+    factors, and it is checked at every set of values: of one run, with derivatives, or of all members of an ensemble at once.
+
+    Parameters
+    ----------
+    network : Network
+    schedule : Schedule
+    reference : int     The sample at whose values everything else is taken.
+    places : tuple      Of each row that the schedule reaches: its place among conductors, loads and controls.
+    names : tuple       Of each such row: its name, and its position among the rows of that name.
+    table : dict        (row among these, coefficient) -> ScheduledCoefficient.
+    """
+
+    network: Network
+    schedule: Schedule
+    reference: int
+    places: tuple[int, ...]
+    names: tuple[tuple[str, int], ...]
+    table: Mapping[tuple[int, int], ScheduledCoefficient]
+
+    @classmethod
+    def of(cls, network: Network, schedule: Schedule) -> ScheduledCoefficients:
+        """Return the courses at the model's own values.
+
+        Raises
+        ------
+        ScenarioError   When a capacitance would change.
+        """
+        kept, names = network.parts(), tuple(schedule.signals)
+        sets = [network.varied(kept, schedule.overrides(k), names) for k in range(len(schedule.rows))]
+        places = network.places(kept, names)
+        for own in sets:
+            _check_masses(own, sets[0], network.title)
+        moved = len(places) - len(network.controls)
+        sizes = [sum(np.log1p(abs(value_of(row.coefficients[0]))) for row in own.rows[:moved]) for own in sets]
+        reference = int(np.argmax(sizes))
+        table = {}
+        for r, row in enumerate(sets[reference].rows):
+            for c in range(len(row.coefficients)):
+                values = np.array([value_of(own.rows[r].coefficients[c]) for own in sets])
+                sample = reference if values[reference] else int(np.abs(values).argmax())
+                if (values != values[sample]).any():
+                    table[r, c] = ScheduledCoefficient(sample, values / values[sample])
+        return cls(network, schedule, reference, places, _named(network, kept, places), table)
+
+    @property
+    def signals(self) -> dict[tuple[str, int, int], Drawn]:
+        """(row's name, position among the rows of that name, coefficient) -> what it follows."""
+        times, index, hold = self.schedule.times, self.schedule.index, self.schedule.hold
+        out: dict[tuple[str, int, int], Drawn] = {}
+        for (r, c), course in self.table.items():
+            ratio = course.ratio[index]
+            out[(*self.names[r], c)] = TableSignal(times, ratio, hold) if times.size > 1 else Constant(float(ratio[0]))
+        return out
+
+    def numbers(self, free: Mapping[str, Number]) -> Numbers:
+        """Return the numbers at the samples of reference, with some parameters replaced; `free` is path -> number. [SI]
+
+        Raises
+        ------
+        ScenarioError   When a capacitance would change, or a freed parameter and a scheduled one do not act as a product.
+        """
+        network, schedule, names = self.network, self.schedule, tuple(self.schedule.signals)
+        clash = sorted(set(names) & set(free))
+        if clash:
+            raise ScenarioError(f"'{clash[0]}' follows a schedule, so it cannot be freed. Free what multiplies it.", network.title)
+        kept = network.parts({**free, **schedule.overrides(self.reference)})
+
+        def at(k: int) -> Varied:
+            return network.varied(kept, {**free, **schedule.overrides(k)}, names)
+
+        first = {k: at(k) for k in {self.reference, *(course.sample for course in self.table.values())}}
+        base = first[self.reference]
+        mine = [list(row.coefficients) for row in base.rows]
+        for (r, c), course in self.table.items():
+            mine[r][c] = first[course.sample].rows[r].coefficients[c]
+        for k in range(len(schedule.rows)) if free else ():
+            own = first[k] if k in first else at(k)
+            _check_masses(own, base, network.title)
+            self._check(k, own, mine)
+        return self._laid(base, mine)
+
+    def _check(self, k: int, own: Varied, mine: list[list[Number]]) -> None:
+        """Refuse values at which a coefficient of a sample is not its reference times its course."""
+        for r, row in enumerate(own.rows):
+            for c, number in enumerate(row.coefficients):
+                course, value, base = self.table.get((r, c)), value_of(number), value_of(mine[r][c])
+                ratio = 1.0 if course is None else float(course.ratio[k])
+                slack = 0.0 if course is None else SAME[1] + SAME[0] * abs(ratio)
+                if not np.abs(value - ratio * base) <= slack * np.abs(base):
+                    raise ScenarioError(
+                        f"in '{row.name}' a parameter that changes from run to run and a scheduled one do not act as a product, so one "
+                        "schedule does not serve all runs. Run them one by one, with with_values.",
+                        self.network.title,
+                    )
+                if course is not None and not _same_slopes(number, ratio, mine[r][c]):
+                    raise ScenarioError(
+                        f"in '{row.name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told "
+                        "apart.",
+                        self.network.title,
+                    )
+
+    def _laid(self, base: Varied, mine: list[list[Number]]) -> Numbers:
+        """Return the numbers of a sample with other coefficients of the rows that the schedule reaches."""
+        whole = self.network.numbers_of(base.parts)
+        rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
+        count, rest = len(whole.conductors), len(whole.conductors) + len(whole.loads)
+        for r in dict.fromkeys(r for r, _ in self.table):
+            place, own = self.places[r], tuple(mine[r])
+            row = rows[place]
+            rows[place] = replace(row, law=replace(row.law, coefficients=own)) if place < count else replace(row, coefficients=own)
+        return replace(whole, conductors=tuple(rows[:count]), loads=tuple(rows[count:rest]), controls=tuple(rows[rest:]))
+
+
+def _named(network: Network, kept: Mapping[str, Any], places: tuple[int, ...]) -> tuple[tuple[str, int], ...]:
+    """Return the name of the row at each place, and its position among the rows of that name."""
+    whole = network.numbers_of(kept)
+    names = [*(row.name for row in whole.conductors), *(row.name for row in whole.loads), *(row.name for row in whole.controls)]
     seen: dict[str, int] = {}
-    kept: list[tuple[Number, ...]] = []
-    for r, row in enumerate(every[reference]):
-        position = seen.get(row.name, 0)
-        seen[row.name] = position + 1
-        several = [[rows[r].coefficients[c] for rows in every] for c in range(len(row.coefficients))]
-        kept.append(tuple(own[reference] if value_of(own[reference]) else max(own, key=lambda v: abs(value_of(v))) for own in several))
-        for c, (mine, own) in enumerate(zip(kept[r], several, strict=True)):
-            ratio = _ratios(mine, own, row.name, network.title)
-            if ratio is not None:
-                moving = (
-                    TableSignal(schedule.times, ratio[schedule.index], schedule.hold)
-                    if schedule.times.size > 1
-                    else Constant(float(ratio[0]))
-                )
-                out[row.name, position, c] = moving
-    count, rest = len(base.conductors), len(base.conductors) + len(base.loads)
-    conductors = tuple(replace(row, law=replace(row.law, coefficients=own)) for row, own in zip(base.conductors, kept[:count], strict=True))
-    loads = tuple(replace(row, coefficients=own) for row, own in zip(base.loads, kept[count:rest], strict=True))
-    controls = tuple(replace(row, coefficients=own) for row, own in zip(base.controls, kept[rest:], strict=True))
-    return replace(base, conductors=conductors, loads=loads, controls=controls), out
+    every = []
+    for name in names:
+        every.append((name, seen.get(name, 0)))
+        seen[name] = seen.get(name, 0) + 1
+    return tuple(every[k] for k in places)
 
 
-def _magnitude(numbers: Numbers) -> float:
-    """Return a size by which the reference sample is chosen: one at which no scheduled coefficient vanishes, if there is any."""
-    rows: tuple[ConductorRow | LoadRow, ...] = (*numbers.conductors, *numbers.loads)
-    return float(sum(np.log1p(abs(value_of(r.coefficients[0]))) for r in rows))
+def _check_masses(own: Varied, first: Varied, title: str) -> None:
+    for node, capacitance in own.capacitances.items():
+        before = first.capacitances[node]
+        if capacitance is not None and before is not None and value_of(capacitance) != value_of(before):
+            raise ScenarioError(f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", title)
 
 
-def _ratios(mine: Number, values: list[Number], name: str, title: str) -> Array | None:
-    """Return each value over the reference one, or None when nothing changes."""
-    plain = np.array([value_of(v) for v in values])
-    base = value_of(mine)
-    if (plain == base).all():
-        return None
-    ratio = plain / base
-    if isinstance(mine, Dual):
-        for r, v in zip(ratio, values, strict=True):
-            if isinstance(v, Dual) and not np.allclose(v.gradient, r * mine.gradient, rtol=1e-9, atol=1e-12 * np.abs(mine.gradient).max()):
-                raise ScenarioError(
-                    f"in '{name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told apart.",
-                    title,
-                )
-    return ratio
-
-
-Courses = Mapping[tuple[str, int, int], Signal]
-
-
-def check_courses(numbers: Numbers, follow: Courses, wired: Courses, title: str) -> None:
-    """Refuse values at which a scheduled coefficient changes otherwise in time than it was wired to; one that is zero may stay so.
-
-    Raises
-    ------
-    ScenarioError   When a parameter that changes from run to run and a scheduled one do not act as a product.
-    """
-    for key in {*follow, *wired}:
-        if key in follow and key in wired and _same_course(follow[key], wired[key]):
-            continue
-        every: tuple[ConductorRow | LoadRow | ControlRow, ...] = (*numbers.conductors, *numbers.loads, *numbers.controls)
-        rows = [r for r in every if r.name == key[0]]
-        if key not in follow and value_of(rows[key[1]].coefficients[key[2]]) == 0.0:
-            continue
-        raise ScenarioError(
-            f"in '{key[0]}' a parameter that changes from run to run and a scheduled one do not act as a product, so one schedule does not "
-            "serve all runs. Run them one by one, with with_values.",
-            title,
-        )
-
-
-def _same_course(one: Signal, other: Signal) -> bool:
-    """Whether two signals are the same in time, to rounding."""
-    end = max(one.extent, other.extent)
-    mine, others = one.knots(0.0, end), other.knots(0.0, end)
-    return np.array_equal(mine, others) and np.allclose(one.at(mine), other.at(mine), rtol=1e-9, atol=1e-12)
+def _same_slopes(number: Number, ratio: float, base: Number) -> bool:
+    """Whether the derivatives of a number are those of its reference times a ratio; a number without any has no say."""
+    if not isinstance(number, Dual) or not isinstance(base, Dual) or not base.gradient.size:
+        return True
+    return np.allclose(number.gradient, ratio * base.gradient, rtol=1e-9, atol=1e-12 * float(np.abs(base.gradient).max()))
 
 
 class PlacedConductor(NamedTuple):
@@ -452,6 +511,11 @@ class Wiring:
         self.cycle = common_cycle([s.cycle for s in changing.values()])
         self.signals: dict[str, Drawn] = {name: given.drawn(self.scenario.seconds) for name, given in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
+        self.courses = ScheduledCoefficients.of(network, self.schedule) if self.schedule is not None else None
+        for key, course in self.courses.signals.items() if self.courses is not None else ():
+            name = f"schedule {' '.join(map(str, key))}"
+            self.signals[name] = course
+            self._follow[key] = name
         numbers = self.flowing(self._numbers({}), {})
         for row, position in _numbered(numbers.conductors) if self._follow else ():
             for c in range(len(row.coefficients)):
@@ -475,17 +539,7 @@ class Wiring:
         raise ScenarioError(f"nothing named '{name}' can be freed.{nearest(name, known)}", self.network.title)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
-        if self.schedule is None:
-            return self.network.numbers(free)
-        numbers, follow = scheduled(self.network, self.schedule, free)
-        if self._follow:
-            check_courses(numbers, follow, {key: self.signals[name] for key, name in self._follow.items()}, self.network.title)
-            return numbers
-        for key, given in follow.items():
-            name = f"schedule {' '.join(map(str, key))}"
-            self.signals[name] = given
-            self._follow[key] = name
-        return numbers
+        return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
 
     def flowing(self, numbers: Numbers, given: Mapping[str, Number]) -> Numbers:
         """Return the numbers with streams of gas at the temperatures of their sources; the network has them at 20 degC."""
