@@ -69,7 +69,7 @@ class Places:
 
 
 def read_json(path: Path, kind: str) -> Any:
-    """Return the content of a JSON file as its grammar has it.
+    """Return the content of a JSON file as its grammar has it; such files are carried on, so that they are no inputs of a command.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def read_json(path: Path, kind: str) -> Any:
     OSError         When it cannot be opened.
     """
     try:
-        content = json.loads(read_text(path))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         content = f"this is no JSON: {error}"
     return by_grammar(kind, content, Places(str(path)))

@@ -86,7 +86,7 @@ CALLS: Final[dict[str, tuple[Callable[[Any], Any], Any]]] = {
                 "POWER": {"load": "heater", "prompt": True},
             },
             "time": "time_s",
-            "units": {"ROOM": "degC"},
+            "units": {"POWER": "W"},
         },
     ),
     "Criteria": (lambda given: Criteria.read(given, "here"), {"rmse": "0.5 [K]", "max_error": "2 [K]", "sensors": {"T": {"rmse": "1 [K]"}}}),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thermid.acquire.wire import rom_is_good
 from thermid.errors import MissingDataError, RecordError
@@ -18,9 +18,6 @@ from thermid.files import OWN, parse_toml, was_read, write_text
 from thermid.measure.amounts import amount
 from thermid.measure.record.sensor import ICE, SensorCertificate
 from thermid.toml_files import Places
-
-if TYPE_CHECKING:
-    from thermid.acquire.schema import MappedTable
 
 _BROKEN = 5.0
 
@@ -83,7 +80,7 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     return out
 
 
-def _sensor(name: str, table: MappedTable, where: str) -> MappedSensor:
+def _sensor(name: str, table: Any, where: str) -> MappedSensor:
     """Return one sensor of the file."""
     rom = table.rom.strip().upper()
     if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):

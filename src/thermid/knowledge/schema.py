@@ -90,7 +90,7 @@ class StateTable(StrictTable):
         return self
 
 
-class SourceTable(StrictTable):
+class CauseTable(StrictTable):
     """A named cause of uncertainty."""
 
     name: str
@@ -213,7 +213,7 @@ class ValuesFile(StrictTable):
     left_out: list[LeftOutTable]
     provenance: dict[str, MadeTable] = {}
     values: dict[str, StateTable]
-    sources: list[SourceTable] = []
+    sources: list[CauseTable] = []
     root: list[RootTable] = []
 
     @model_validator(mode="after")

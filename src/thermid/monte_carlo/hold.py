@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,9 +32,6 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
 from thermid.units import TEMPERATURE
-
-if TYPE_CHECKING:
-    from thermid.monte_carlo.schema import HoldFile
 
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
@@ -452,7 +449,7 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     data, lines = read_toml(target)
     refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
     where = Places(target.name, lines)
-    asked: HoldFile = by_grammar("hold", data, where)
+    asked = by_grammar("hold", data, where)
 
     def files(key: str, names: str | list[str]) -> list[Path]:
         return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
