@@ -81,6 +81,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         taken[node] = 1;
         holds_.push_back({node, own});
     }
+    need_u_ = !p.guards.empty();  // guards are looked at before the first output is
     for (const Guard& g : p.guards)
         for (int i : g.of.node) {
             sensor_boundary_ = sensor_boundary_ || i >= n_;

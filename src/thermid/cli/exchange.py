@@ -29,7 +29,9 @@ from thermid.cli.options import (
     say,
     scenario_of,
 )
+from thermid.cli.screen import show
 from thermid.errors import DeckError, OutputError, refuse_unknown
+from thermid.extensions import require
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
 from thermid.interop.c99 import to_c
@@ -59,7 +61,7 @@ def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str
         shown = {"file": to.name} if to is not None else {"text": text}
         say(True, {**shown, **more}, "")
     elif to is not None:
-        typer.echo(f"written: {to}")
+        show(f"written: {to}")
     else:
         typer.echo(text, nl=False)
 
@@ -83,7 +85,10 @@ def import_file(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Read a deck of SINDA or ESATAN as a model and a scenario, or the values of an InitFcn script."""
+    """Read a SINDA or ESATAN deck, or an InitFcn script.
+
+    A deck becomes a model and a scenario; of a script the values are read. What cannot be said is listed.
+    """
     if file.suffix.lower() == ".m":
         _import_script(file, to, block, force, as_json)
         return
@@ -120,7 +125,10 @@ def write_back(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Write fitted values into copies of a SINDA or ESATAN deck: equal but for the numbers that changed, each with a comment."""
+    """Write fitted values into copies of a SINDA or ESATAN deck.
+
+    The copies are equal but for the numbers that changed, each with a comment.
+    """
     network = _network(file)
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
@@ -189,7 +197,10 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model in a scenario for another tool: Octave or MATLAB, C, SPICE, SINDA, ESATAN."""
+    """Write a model for Octave, MATLAB, C, SPICE, SINDA or ESATAN.
+
+    The scenario is written with it. What the format cannot say is refused.
+    """
     forms = tuple(COMMENTS)
     refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
@@ -205,7 +216,7 @@ def export(
         text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
-        typer.echo(standing.line(), err=True)  # what is written is for another tool to read
+        show(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())
     leave(standing)
 
@@ -218,7 +229,11 @@ def equations(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Derive the state equations of a linear model as symbols (needs sympy)."""
+    """Derive the state equations of a linear model as symbols.
+
+    Needs sympy.
+    """
+    require("symbolic", "thermid equations")
     forms = ("text", "latex", "python", "octave")
     refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
     system = derive.equations(load_model(deck), pairs(name, "--name"))

@@ -15,16 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.arguments import takes_objects
-from thermid.errors import ThermidError
+from thermid.errors import MissingExtraError, ThermidError
+from thermid.extensions import missing
 from thermid.files import PAGE, PAPER, may_write, scratch, write_bytes, write_text
 from thermid.reporting.blocks.content import typeset
 
 if TYPE_CHECKING:
     from jinja2 import Template
-
-
-class MissingExtraError(ThermidError):
-    """An optional package is not installed; the message says which command installs it."""
 
 
 @contextmanager
@@ -39,7 +36,7 @@ def extra() -> Iterator[None]:
         yield
     except ImportError as error:
         what = (error.name or "a package").partition(".")[0]
-        raise MissingExtraError(f"a report needs {what}, which is not installed. Install it with: pip install thermid[report]") from error
+        raise MissingExtraError(missing([what], "a report")) from error
 
 
 @dataclass(frozen=True)
