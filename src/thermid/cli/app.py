@@ -59,7 +59,7 @@ COMMANDS = {
     ),
     "export": Place(
         "exchange.export",
-        "Write a model in a scenario for another tool: Octave or MATLAB, C, SPICE, SINDA, ESATAN.",
+        "Write a model in a scenario for another tool: Octave or MATLAB, C, Modelica, SPICE, SINDA, ESATAN.",
         "symbolic",
     ),
     "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),

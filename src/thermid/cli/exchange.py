@@ -39,6 +39,7 @@ from thermid.interop.decks.results import balance, sinda_print
 from thermid.interop.decks.sinda import read_sinda
 from thermid.interop.decks.written import to_esatan, to_sinda
 from thermid.interop.initfcn import read_initfcn
+from thermid.interop.modelica import to_modelica
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.knowledge.store import model_standing
@@ -46,7 +47,7 @@ from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.deck.save import save_model, toml_text
 from thermid.model.laws.signal import literal
 
-COMMENTS = {"octave": "%", "c": "//", "spice": "*", "sinda": "C", "esatan": "#"}
+COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}
 """Form of an export -> what begins a comment in it."""
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
@@ -169,7 +170,10 @@ def export(
     deck: Deck,
     form: Annotated[
         str,
-        typer.Option("--as", help="octave (a function, also for MATLAB), c (a C99 header), spice (a netlist), sinda or esatan (a deck)."),
+        typer.Option(
+            "--as",
+            help="octave (a function, also for MATLAB), c (a C99 header), modelica (a package), spice (a netlist), sinda, esatan (decks).",
+        ),
     ] = "octave",
     to: To = None,
     scenario: ScenarioPath = None,
@@ -187,20 +191,27 @@ def export(
     step: Annotated[
         str | None, typer.Option("--step", help="Length of a step of the C header: 5 [s]; the longest with an error of 1 mK without it.")
     ] = None,
+    library: Annotated[
+        str | None, typer.Option("--library", help="Of a Modelica package: modelica, its Standard Library, or none: parts of its own.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model in a scenario for another tool: Octave or MATLAB, C, SPICE, SINDA, ESATAN."""
+    """Write a model in a scenario for another tool: Octave or MATLAB, C, Modelica, SPICE, SINDA, ESATAN."""
     forms = tuple(COMMENTS)
     refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     if step is not None and form != "c":
         raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
+    if library is not None and form != "modelica":
+        raise DeckError(f"a library is of a Modelica package; '{form}' has none.", "--library")
     name = to.stem if to is not None else ""
     if form == "octave":
         text = to_octave(model, conditions, name=name)
     elif form == "c":
         text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
+    elif form == "modelica":
+        text = to_modelica(model, conditions, name=name, library=library or "modelica")
     else:
         text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
