@@ -70,6 +70,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     }
     index_slaved(massless_);
     holds_ = p.holds();
+    need_u_ = !p.guards.empty();  // guards are looked at before the first output is
     for (const Guard& g : p.guards)
         for (int i : g.of.node) {
             sensor_boundary_ = sensor_boundary_ || i >= n_;

@@ -123,7 +123,7 @@ class Integrator {
     bool constant_ = false;  // the Jacobian: no law is curved, no conductance follows an input
     std::vector<double> SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
-    bool need_u_ = false;    // outputs need the inputs' own values
+    bool need_u_ = false;    // outputs or guards need the inputs' own values
     bool inside_ = false;    // outputs fall into this step
 
     // stages.cpp

@@ -931,9 +931,10 @@ def _level(store: HeatStore, kelvin: Number) -> Number:
     """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
     many = getattr(kelvin, "values", None)
     if many is not None:
-        return type(kelvin)(store.level(many))  # type: ignore[call-arg,arg-type]  # members of an ensemble
+        return type(kelvin)(store.begins(many)[0])  # type: ignore[call-arg,arg-type]  # members of an ensemble
     plain = value_of(kelvin)
-    return float(store.level(plain)) + (float(store.share(plain)) * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
+    level, share = map(float, store.begins(plain))
+    return level + (share * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
 
 
 def _csr(values: Sequence[Number], free: int) -> Csr:
