@@ -15,7 +15,7 @@ WRITTEN = [
     *(ROOT / "examples").rglob("*.md"),
     *(ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"),
 ]
-QUOTED = ("the board says so", "words `", "| say |")
+QUOTED = ("the board says so", "| told apart |", "| makes up for |", "| how surely |")
 """Lines that quote a banned phrase: a mark in logs of earlier versions, and the table of words itself."""
 
 
