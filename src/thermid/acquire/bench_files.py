@@ -57,7 +57,7 @@ def _content(place: Path, missing: str) -> dict[str, Any]:
     try:
         return parse_toml(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"it is no TOML: {error}.", place.name) from None
+        raise RecordError(f"it is not valid TOML: {error}.", place.name) from None
 
 
 def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
@@ -75,7 +75,9 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     for name, table in tables.items():
         sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
         if sensor.rom in out:
-            raise RecordError(f"ROM {sensor.rom} is that of '{out[sensor.rom].name}' too.", f"{place.name}, sensors.{name}")
+            raise RecordError(
+                f"ROM {sensor.rom} is also given for '{out[sensor.rom].name}'. Correct one of them.", f"{place.name}, sensors.{name}"
+            )
         out[sensor.rom] = sensor
     return out
 
@@ -90,7 +92,8 @@ def _sensor(name: str, table: Any, where: str) -> MappedSensor:
     certificate = SensorCertificate.read(table.certificate.written, f"{where}.certificate") if table.certificate else None
     if certificate is not None and abs(certificate.offset) > _BROKEN:
         raise RecordError(
-            f"its offset is {certificate.offset:g} K; a sensor that is off by more than {_BROKEN:g} K is broken.", f"{where}.certificate"
+            f"its offset is {certificate.offset:g} K; a sensor with an offset above {_BROKEN:g} K is defective. Replace it.",
+            f"{where}.certificate",
         )
     return MappedSensor(name, rom, certificate, table.note)
 
@@ -161,7 +164,7 @@ def load_programme(path: str | Path) -> Programme:
     RecordError        When it is no TOML, times do not increase, a duty is not 0 to 100 %, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such heater programme.")
+    content = _content(place, "the heater programme does not exist. Check the path.")
     was_read(place)
     read = by_grammar("programme", content, Places(place.name))
     times: list[float] = []
@@ -176,7 +179,7 @@ def load_programme(path: str | Path) -> Programme:
         duties.append(held)
     end = None if read.end is None else amount(read.end, "s", f"{place.name}, end")
     if end is not None and end <= times[-1]:
-        raise RecordError(f"its end, {end:g} s, does not follow its last step, {times[-1]:g} s.", place.name)
+        raise RecordError(f"its end, {end:g} s, is not after its last step, {times[-1]:g} s.", place.name)
     return Programme(tuple(times), tuple(duties), end)
 
 

@@ -59,9 +59,7 @@ class Limits:
         where = f"limits of '{self.point}'"
         check_mark(self.mark, where)
         if not np.isfinite(self.operating).any():
-            raise ScenarioError(
-                "operating: neither end is a number, so nothing would be checked. Give the lower, the upper, or both.", where
-            )
+            raise ScenarioError("operating: both ends are empty, so no limit would be checked. Give the lower, the upper, or both.", where)
         for state, field in STATES.items():
             ends = getattr(self, field)
             if ends is not None and not ends[0] < ends[1]:
@@ -74,8 +72,8 @@ class Limits:
                 if wrong:
                     k = 0 if side == "lower" else 1
                     raise ScenarioError(
-                        f"the {side} {inner} limit, {text_of(a[k])}, lies beyond the {side} {outer} one, {text_of(b[k])}; what a unit "
-                        "bears switched off it must bear at least as far as what it works at.",
+                        f"the {side} {inner} limit, {text_of(a[k])}, lies beyond the {side} {outer} one, {text_of(b[k])}. "
+                        "Non-operating limits must be at least as wide as operating limits.",
                         where,
                     )
 
@@ -186,7 +184,7 @@ class LimitCheck:
     def undecided(self) -> str:
         """Why it is not decided; empty where it is."""
         if self.mark == "memory":
-            return f"the limits of {self.point} are from memory"
+            return f"the limits of {self.point} are quoted from memory"
         if self.stand_in and self.crossings:
             return f"{self.point} is beyond its operating limits while it is switched off, and no non-operating limits are given"
         return ""
@@ -194,13 +192,13 @@ class LimitCheck:
     def __str__(self) -> str:
         """Return the check as a line."""
         ends = " .. ".join(map(text_of, self.limits))
-        how = ("" if self.by == "predicted" else f", {self.by}") + (", between samples unknown" if self.sampled else "")
+        how = ("" if self.by == "predicted" else f", {self.by}") + ("; not known between samples" if self.sampled else "")
         head = f"{self.point} {self.state}{how}: {text_of(self.lowest)} .. {text_of(self.highest)} within {ends}"
         if not self.crossings:
             return f"{head}, {self.room:.1f} K left"
         words = {"high": "upper", "low": "lower"}
         said = "; ".join(
-            f"passes the {words[c.side]} limit at {c.time:.0f} s, furthest {text_of(c.worst)} at {c.worst_time:.0f} s, "
+            f"exceeds the {words[c.side]} limit at {c.time:.0f} s, furthest {text_of(c.worst)} at {c.worst_time:.0f} s, "
             f"{c.outside:.0f} s beyond"
             for c in self.crossings
         )

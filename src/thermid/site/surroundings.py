@@ -34,7 +34,9 @@ def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     if tables["ascent"]:
         clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
         if clash:
-            raise ScenarioError(f"a scenario stands on the ground or flies: it has {clash[0]} and ascent.", file)
+            raise ScenarioError(
+                f"a scenario is either on the ground or an ascent, but this one has {clash[0]} and ascent. Remove one.", file
+            )
         return _ascent(tables["ascent"], rest, duration, columns, file)
     weather, sun = tables["weather"], tables["sun"]
     read = None

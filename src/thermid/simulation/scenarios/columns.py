@@ -52,8 +52,8 @@ class LogColumns:
         file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
         if file == self.cut:
             raise ScenarioError(
-                f"the weather of '{file.name}' begins at another time than its first line, and its columns count from that line. Leave "
-                "begin out, or give the column in a log of its own.",
+                f"the weather of '{file.name}' begins at another time than its first line, but the times of its columns count from "
+                "that line. Leave begin out, or give the column in a separate log.",
                 where,
             )
         role = {TEMPERATURE: "boundary", "W": "load", "1": "command"}.get(slot, "")
