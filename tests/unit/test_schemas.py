@@ -92,7 +92,7 @@ def test_all_faults_are_listed_and_a_long_list_is_counted(tmp_path: Path) -> Non
     file.write_text("\n".join(f"k{n} = 1" for n in range(30)), encoding="utf-8")
     with pytest.raises(ScenarioError) as caught:
         td.load_scenario(file)
-    assert str(caught.value).count("is no field here") == 13
+    assert str(caught.value).count("is not a field here") == 13
     assert str(caught.value).endswith("and 17 more faults.")
 
 
