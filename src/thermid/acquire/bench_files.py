@@ -69,7 +69,7 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such sensor map. `thermid log --identify` makes one.")
+    content = _content(place, "there is no such sensor map. Make one with `thermid log --identify`.")
     tables = by_grammar("sensors", content, Places(place.name)).sensors
     out: dict[str, MappedSensor] = {}
     for name, table in tables.items():

@@ -32,15 +32,15 @@ def test_a_map_survives_its_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("x = [", "no TOML"),
+        ("x = [", "not valid TOML"),
         ("", "sensors: is missing"),
         ("[sensors.T1]\n", "sensors.T1.rom: is missing"),
         ('[sensors.T1]\nrom = "28FF"\n', "16 hexadecimal digits"),
         (f'[sensors.T1]\nrom = "{A[:-1]}{"0" if A[-1] != "0" else "1"}"\n', "a digit is mistyped"),
-        (GOOD + f'[sensors.T2]\nrom = "{A}"\n', "is that of 'T1' too"),
+        (GOOD + f'[sensors.T2]\nrom = "{A}"\n', "is also given for 'T1'"),
         (GOOD + 'nota = "x"\n', "'nota' is not a field here. Did you mean 'note'"),
         (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\n', "certificate.uncertainty: is missing"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "9 [K]"\nuncertainty = "1 [K]"\n', "is broken"),
+        (GOOD + '[sensors.T1.certificate]\noffset = "9 [K]"\nuncertainty = "1 [K]"\n', "is defective"),
         (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "0 [K]"\n', "above zero"),
         (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "1 [K]"\nwho = "me"\n', "who"),
     ],
@@ -67,7 +67,7 @@ def test_a_programme(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("x = [", "no TOML"),
+        ("x = [", "not valid TOML"),
         ("steps = []", "steps: .* at least 1"),
         ("step = []", "'step' is not a field here. Did you mean 'steps'"),
         ("steps = [{ heater1 = 1 }]", "steps.0.at: is missing"),
