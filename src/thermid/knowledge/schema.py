@@ -15,8 +15,6 @@ from thermid.model.parts.parameter import State as StandingState
 from thermid.units import unit
 
 LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."
-    "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from the version control."
-)
 Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
 
 
