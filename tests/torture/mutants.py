@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import re
@@ -109,7 +110,7 @@ def _change(dice: random.Random, tree: Any) -> None:
         return
     holder, key = places[-1]
     how = dice.random()
-    value = dice.choice(VALUES)
+    value = copy.deepcopy(dice.choice(VALUES))
     if how < 0.65:
         holder[key] = value
     elif how < 0.8:

@@ -67,9 +67,9 @@ FAULTS: list[tuple[Any, type[ThermidError], str, str]] = [
         "x.toml:2, scenario: a text or a list",
     ),
     (td.load_hold, DeckError, "model = 'a'\nscenario = 'b'\nlimits = { a = [] }\n", "x.toml:3, limits.a: a text with its unit"),
-    (td.load_values, DeckError, "schema = 2\nstage = 1\n", "this is no values file of thermid"),
-    (td.load_values, DeckError, "schema = 1\n", "this is no values file of thermid"),
-    (td.load_values, DeckError, "schema = 'x'\n", "this is no values file of thermid"),
+    (td.load_values, DeckError, "schema = 2\nstage = 1\n", "this is not a values file of thermid"),
+    (td.load_values, DeckError, "schema = 1\n", "this is not a values file of thermid"),
+    (td.load_values, DeckError, "schema = 'x'\n", "this is not a values file of thermid"),
     (load_sensors, RecordError, "sensors = 3\n", "sensors: a table is needed"),
     (load_sensors, RecordError, "[sensors.T1]\nrom = 28\n", r"sensors\.T1\.rom: a text is needed, not 28"),
     (load_programme, RecordError, "steps = 3\n", "steps: a list is needed"),
@@ -92,7 +92,7 @@ def test_all_faults_are_listed_and_a_long_list_is_counted(tmp_path: Path) -> Non
     file.write_text("\n".join(f"k{n} = 1" for n in range(30)), encoding="utf-8")
     with pytest.raises(ScenarioError) as caught:
         td.load_scenario(file)
-    assert str(caught.value).count("is no field here") == 13
+    assert str(caught.value).count("is not a field here") == 13
     assert str(caught.value).endswith("and 17 more faults.")
 
 
@@ -109,6 +109,79 @@ def test_a_damaged_lock_is_no_lock(text: str, tmp_path: Path) -> None:
     file.write_text(text, encoding="utf-8")
     with pytest.raises(DeckError, match="it is no lock of a plan any more"):
         read_json(file, "lock")
+
+
+WATTS = {"times": ["0 [s]", "1 [h]"], "values": ["1 [W]", "2 [W]"]}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: td.Scenario("x", boundaries={"air": {"times": 3, "values": ["1 [degC]"]}}), "the times of a table are a list, not 3"),
+        (lambda: td.Scenario("x", loads={"q": {**WATTS, "values": [{}, 1]}}), "a number with a unit is needed"),
+        (lambda: td.Scenario("x", loads={"q": True}), "a number with a unit is needed"),
+        (lambda: td.Scenario("x", schedule={"a": {"times": ["0 [s]"], "values": 3}}), "the values of a table are a list, not 3"),
+        (lambda: td.Scenario("x", initial=3), "x, initial: it takes a dictionary"),
+        (lambda: td.Scenario("x", initial={"a": None}), r"x, initial\.a: it takes a temperature or a name, not None"),
+        (lambda: td.Scenario("x", environment=[1]), "x, environment: it takes a dictionary"),
+        (lambda: td.Scenario("x", gains="a"), "x, gains: it takes a dictionary"),
+        (lambda: td.Scenario("x", duration={}), "x, duration: a number with a unit is needed"),
+        (lambda: td.Scenario("x", start=[]), "x, start: it takes a temperature"),
+        (lambda: td.Environment(humidity=[]), "environment, humidity"),
+        (lambda: td.Environment(gas={}), "environment, gas: it takes a name"),
+        (lambda: td.Environment(wind=None), "environment, wind"),
+        (lambda: td.Options(tolerance="x"), "Options, tolerance: it takes a number"),
+        (lambda: td.Options(max_steps=1.5), "Options, max_steps: it takes a whole number"),
+        (lambda: td.Options(method=None), "Options, method: it takes a name"),
+        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", level={}), "a standard, a profile and a level are texts"),
+        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", predicted=({}, 1)), "a number with a unit is needed"),
+        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", cycles=10**9, hot=330.0, cold=250.0).steps, "at most 10000"),
+        (lambda: td.read_record("x.csv", "T"), "`channels` takes a dictionary, not 'T'"),
+        (lambda: td.read_record("x.csv", {"T": "T"}, units={"T": 3}), "its unit is a text, not 3"),
+    ],
+)
+def test_arguments_of_another_type_are_refused_in_words(call: Any, words: str) -> None:
+    with pytest.raises(ThermidError, match=words):
+        call()
+
+
+PLATE = {
+    "title": "plate",
+    "needs": ["air"],
+    "nodes": {"plate": {"capacitance": "100 [J/K]"}},
+    "conductors": {"film": {"kind": "conduction", "between": ["plate", "air"], "conductance": "0.4 [W/K]"}},
+    "loads": {"heater": {"into": "plate", "power": "5 [W]"}},
+}
+
+
+def warming(folder: Path) -> td.Record:
+    rows = [f"{30 * k},{20.0 + 0.05 * k},20" for k in range(40)]
+    (folder / "rig.csv").write_text("\n".join(["time_s,T,ROOM", *rows, ""]), encoding="utf-8")
+    return td.read_record(folder / "rig.csv", {"T": {"node": "plate"}, "ROOM": {"boundary": "air"}})
+
+
+def test_a_prior_without_a_mean_is_about_the_deck_s_value(tmp_path: Path) -> None:
+    """It ended with a ValueError behind the fit: a table of one key was unpacked as a pair."""
+    given = [{"sd": "0.1 [W/K]"}, ("", "0.1 [W/K]"), {"mean": "0.4 [W/K]", "sd": "0.1 [W/K]"}]
+    model, record = td.model_from_dict(PLATE), warming(tmp_path)
+    found = [td.calibrate(model, record, ["film.conductance"], priors={"film.conductance": one})["film.conductance"].value for one in given]
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("free", "more", "words"),
+    [
+        ([{}], {}, "a list of names"),
+        (3, {}, "a list of names"),
+        (["film.conductance"], {"priors": {"film.conductance": 3}}, "a prior is a pair"),
+        (["film.conductance"], {"priors": 3}, "`priors` takes a dictionary, not 3"),
+        (["film.conductance"], {"local": 3}, "`local` takes a dictionary"),
+        (["film.conductance"], {"scenario": [1]}, "`scenario` takes Scenario"),
+    ],
+)
+def test_a_fit_refuses_what_is_no_name_and_no_prior(free: Any, more: dict[str, Any], words: str, tmp_path: Path) -> None:
+    with pytest.raises(ThermidError, match=words):
+        td.calibrate(td.model_from_dict(PLATE), warming(tmp_path), free, **more)
 
 
 def test_what_a_grammar_takes_is_what_its_schema_says() -> None:

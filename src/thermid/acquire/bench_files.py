@@ -69,7 +69,7 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such sensor map. `thermid log --identify` makes one.")
+    content = _content(place, "there is no such sensor map. Make one with `thermid log --identify`.")
     tables = by_grammar("sensors", content, Places(place.name)).sensors
     out: dict[str, MappedSensor] = {}
     for name, table in tables.items():
@@ -174,7 +174,7 @@ def load_programme(path: str | Path) -> Programme:
         where = f"{place.name}, steps[{k}]"
         times.append(amount(step.at, "s", f"{where}, at"))
         if times[-1] < 0 or (k and times[-1] <= times[-2]):
-            raise RecordError(f"its time {times[-1]:g} s does not follow {times[-2] if k else 0:g} s.", where)
+            raise RecordError(f"its time {times[-1]:g} s is not after {times[-2] if k else 0:g} s.", where)
         held = (_duty(step.heater1, held[0], f"{where}, heater1"), _duty(step.heater2, held[1], f"{where}, heater2"))
         duties.append(held)
     end = None if read.end is None else amount(read.end, "s", f"{place.name}, end")

@@ -20,7 +20,7 @@ from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
 from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, priors_of
+from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
 from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
@@ -97,7 +97,7 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     errors of its own instruments that a stage below found.
     """
     given = {q for p in request.prior for q in request.store.states[p].acts}
-    given |= {p for p, (mean, _) in request.priors.items() if not mean}  # a prior about the value that was there
+    given |= {p for p, one in request.priors.items() if not mean_of(one)}  # a prior about the value that was there
     freed = {q for p, v in values.parameters.items() if p not in given for q in (p, *v.also)}
     out: dict[str, list[Standing]] = {}
     for path, entry in parameter_table(request.model).items():

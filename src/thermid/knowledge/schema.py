@@ -14,7 +14,7 @@ from thermid.knowledge.store import DISTRIBUTIONS, Distribution, Kind
 from thermid.model.parts.parameter import State as StandingState
 from thermid.units import unit
 
-LEAD = "this is no values file of thermid, or it was changed by hand. Run the calibration again, or take the file from the version control."
+LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."
 Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
 
 

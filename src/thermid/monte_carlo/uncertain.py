@@ -126,6 +126,10 @@ def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
 Progress = Callable[[int, int], None]
 
 
+MOST_MEMBERS = 10_000_000
+"""Members of a campaign of runs."""
+
+
 @dataclass(frozen=True, eq=False)
 class UncertainRuns:
     """Runs of many members, each with values and surroundings of its own.
@@ -302,6 +306,8 @@ def uncertain_runs(
     ScenarioError       When a spread is none, a value is spread twice, or there is no such cluster.
     NameNotFoundError   When a name does not exist.
     """
+    if n > MOST_MEMBERS:
+        raise ScenarioError(f"{n} members are too many; at most {MOST_MEMBERS:,} are run.", model.title)
     if n < 1 or workers < 1:
         raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
     job, remarks = plan_runs(

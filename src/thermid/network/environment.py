@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 from thermid.errors import ScenarioError
@@ -49,8 +50,11 @@ class Environment:
         object.__setattr__(self, "wind", wind)
         for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
             given: Any = getattr(self, name)
-            if isinstance(given, str):
+            if isinstance(given, str) or not isinstance(given, Real):
                 object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
+        for name in ("gas", "vented"):
+            if not isinstance(getattr(self, name), str):
+                raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}")
         if not 0.0 <= self.humidity <= 1.0:
             raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.")
         if self.lowest() < 0.0:

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any, Final
 
 from thermid.errors import ScenarioError, ThermidError, look_up, nearest, refuse_unknown
@@ -19,6 +20,7 @@ from thermid.sourced import check_mark, weakest
 from thermid.toml_files import Places
 from thermid.units import TEMPERATURE
 
+MOST_CYCLES: Final = 10_000
 SLOTS: Final[Mapping[str, str]] = {
     "hot": TEMPERATURE,
     "cold": TEMPERATURE,
@@ -401,7 +403,10 @@ class ThermalProfile:
         ------
         ScenarioError   When a number that the steps need is missing.
         """
-        count = int(self.value("cycles"))
+        wanted = self.value("cycles")
+        count = int(wanted) if math.isfinite(wanted) else 0
+        if count > MOST_CYCLES:
+            raise ScenarioError(f"{count:g} cycles are too many to write out; at most {MOST_CYCLES}.", self.title)
         if count < 1 or count != self.value("cycles"):
             raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
         if not self.plan:
@@ -500,7 +505,7 @@ def pair_of(pair: Any, where: str) -> tuple[float, float]:
     """Return the predicted range (lowest, highest). [K]"""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where)
-    low, high = (literal(v, TEMPERATURE, f"{where}, predicted") if isinstance(v, str) else float(v) for v in pair)
+    low, high = (float(v) if isinstance(v, Real) else literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
     if low >= high:
         raise ScenarioError(f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).", where)
     return low, high

@@ -75,6 +75,9 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     spec = known[name]
     base = known[spec["like"]] if "like" in spec else {}
     levels = spec.get("levels", {})
+    for word in (standard, name, level):
+        if not isinstance(word, str):
+            raise ScenarioError(f"a standard, a profile and a level are texts, not {word!r}.", "profile")
     if level and level not in levels:
         have = f"it has {', '.join(levels)}" if levels else "it has none"
         raise ScenarioError(f"'{name}' of {data['standard']} has no level '{level}'; {have}.{nearest(level, levels)}", "profile")

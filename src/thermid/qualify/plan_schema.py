@@ -199,7 +199,7 @@ class MetTable(StrictTable):
 class ChecksFile(StrictTable):
     """What a delivery holds and must give; further keys are for its reader."""
 
-    lead: ClassVar[str] = "this is no delivery."
+    lead: ClassVar[str] = "this is not a delivery."
     model_config = ConfigDict(extra="allow")
 
     files: dict[str, str]

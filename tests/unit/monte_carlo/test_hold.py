@@ -113,13 +113,13 @@ def test_a_limit_that_nobody_passes(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("seed = 2", "seeds = 2", r"hold.toml:5, seeds: 'seeds' is no field here. Did you mean 'seed'\?"),
+        ("seed = 2", "seeds = 2", r"hold.toml:5, seeds: 'seeds' is not a field here. Did you mean 'seed'\?"),
         ("members = 400", 'members = "400"', r"hold.toml:4, members: a whole number is needed, not '400'"),
         ("members = 400", "members = 0", "members: .*greater than or equal to 1"),
-        ("members = 400", "members = 10", r"10 members cannot tell 95 %; ask for 400 or more"),
+        ("members = 400", "members = 10", r"10 members are too few for 95 %. Request 400 or more"),
         ('limits = { body = "38 [degC]" }', "", "hold.toml, limits: is missing"),
         ("38 [degC]", "38 [W]", r"limits, body"),
-        ('"38 [degC]"', '{ top = "38 [degC]" }', "limits.body.top: 'top' is no field here"),
+        ('"38 [degC]"', '{ top = "38 [degC]" }', "limits.body.top: 'top' is not a field here"),
         ('"38 [degC]"', '{ highest = "1 [degC]", lowest = "2 [degC]" }', "its lowest temperature is not below its highest"),
         ("{ body =", "{ bode =", r"no node 'bode'. Did you mean 'body'\?"),
         ("warm.toml", "worm.toml", r"there is no file 'worm.toml'.* Did you mean 'warm.toml'\?"),

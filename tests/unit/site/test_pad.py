@@ -214,11 +214,11 @@ calm = "4 [W/(m^2 K)]"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[weather]\nfiel = 'w.csv'\n", "weather.fiel: 'fiel' is no field here. Did you mean 'file'"),
-        ("[sun]\nalbdo = 0.2\n", "sun.albdo: 'albdo' is no field here. Did you mean 'albedo'"),
+        ("[weather]\nfiel = 'w.csv'\n", "weather.fiel: 'fiel' is not a field here. Did you mean 'file'"),
+        ("[sun]\nalbdo = 0.2\n", "sun.albdo: 'albdo' is not a field here. Did you mean 'albedo'"),
         ("[site]\nlatitude = -2.3\n", "pad.toml:1, site.longitude: is missing"),
         ("[site]\nlatitude = 123\nlongitude = 0\n", "latitude of 123 degrees is not on earth"),
-        ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "'dirct' is no field here. Did you mean 'direct'"),
+        ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "'dirct' is not a field here. Did you mean 'direct'"),
         ("[weather]\nfile = 'weather.csv'\n", "where is it\\? Give a Site"),
     ],
 )

@@ -224,6 +224,8 @@ def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, 
     IdentificationError     When `freeze` takes nothing off.
     """
     free = [free] if isinstance(free, str) else free  # one name, and not its letters
+    if not isinstance(free, Iterable) or not all(isinstance(each, str) for each in free):
+        raise IdentificationError(f"what is to be fitted is a list of names, not {free!r}.", where)
     if not freeze and not any(map(is_glob, free)):
         return list(free), set()
     values = ParameterSet(model)
@@ -250,6 +252,13 @@ def _path(model: Model, values: ParameterSet, name: str) -> str:
     return values.literal_behind(path) if path in values.table else name
 
 
+def mean_of(prior: Any) -> str:
+    """Return what a prior says of its mean as it is written, or an empty text where the start stands for it."""
+    if not isinstance(prior, Mapping):
+        return str(prior[0])
+    return str(prior.get("mean", prior.get("low", "")))
+
+
 def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: str) -> dict[str, tuple[str, str]]:
     """Return path -> (mean, standard deviation) as texts, globs read and ranges turned into numbers.
 
@@ -261,6 +270,12 @@ def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: s
     NameNotFoundError       When a glob matches nothing.
     IdentificationError     When a parameter has no range, or its range is not one of a data sheet.
     """
+    for name, one in given.items():
+        if not isinstance(one, Mapping) and one != RANGE and not (isinstance(one, list | tuple) and len(one) == 2):
+            raise IdentificationError(
+                f"a prior is a pair (mean, standard deviation), a table such as {{'sd': '1 [K]'}}, or 'range', not {one!r}.",
+                f"{where}.priors.{name}",
+            )
     if not any(is_glob(name) or one == RANGE for name, one in given.items()):
         return {name: one for name, one in given.items() if not isinstance(one, str)}
     values = ParameterSet(model)

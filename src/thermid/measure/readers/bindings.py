@@ -76,6 +76,9 @@ def _one(key: str, given: object, where: str) -> Binding:
     for word in (*_ROLE_KEYS, "gain", "unit"):
         if word in given and not (isinstance(given[word], str) and given[word].strip()):
             raise RecordError(f"{word} = {given[word]!r} is not a text.", where)
+    for word in ("full_scale", "noise", "accuracy", "resolution"):
+        if word in given and (isinstance(given[word], bool) or not isinstance(given[word], str | int | float)):
+            raise RecordError(f"{word} = {given[word]!r} is neither a text with a unit nor a number.", where)
     roles = [word for word in _ROLE_KEYS if word in given]
     if len(roles) > 1:
         raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where)

@@ -72,6 +72,12 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
+    for word, given in (("channels", channels), ("noise", noise or {}), ("accuracy", accuracy or {}), ("units", units or {})):
+        if not isinstance(given, Mapping):
+            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path))
+    for channel, unit_text in (units or {}).items():
+        if not isinstance(unit_text, str):
+            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}")
     cells = log_cells(_path(path), separator)
     clock_at = clock_column(cells, time)
     time_unit, given = clock_at.unit, dict(units or {})

@@ -679,8 +679,8 @@ class _ConductorTable(ElementTable):
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
         kind = KINDS[self.kind]
-        fields = self.parameters(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots))
-        words = self.words(frozenset().union(*(k.words for k in KINDS.values())))
+        fields = self.parameters(name for name in _SLOTS if name in self.model_fields_set)
+        words = self.words(_WORDS)
         odd = sorted(set(words) - kind.words)
         if odd:
             raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where)
@@ -694,6 +694,11 @@ class _ConductorTable(ElementTable):
             )
             raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where)
         return fields, words
+
+
+_SLOTS = tuple(dict.fromkeys(slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots))
+_WORDS = frozenset[str]().union(*(kind.words for kind in KINDS.values()))
+"""Fields and words of all kinds of conductors."""
 
 
 def _with_fields_of_kinds() -> type[_ConductorTable]:

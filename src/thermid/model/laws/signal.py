@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -764,6 +765,8 @@ def literal(text: str | float, slot: str, where: str = "") -> float:
     ThermidError   When it is not a number, or of another dimension.
     """
     try:
+        if isinstance(text, bool) or not isinstance(text, str | Real):
+            raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.")
         expression = parse(text if isinstance(text, str) else repr(float(text)))
         if expression.literal is None:
             raise ScenarioError(f"'{text}' must be a number with a unit; names of parameters are not allowed here.")
@@ -815,7 +818,8 @@ def own_signal(value: Any, where: str = "") -> Any:
     """
     if not isinstance(value, Mapping):
         return value
-    first = next(iter(value.get("values", ())), None) if "values" in value else value.get("mean")
+    rows = value.get("values", ())
+    first = next(iter(rows if isinstance(rows, Sequence | np.ndarray) else ()), None) if "values" in value else value.get("mean")
     if first is None:
         return signal(value, "1", where)
     try:
@@ -834,7 +838,10 @@ def _column(values: Sequence[str | float], slot: str, where: str) -> Array:
 
 def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     """Read the table form of a signal."""
-    keys = set(value)
+    keys = {str(key) for key in value}
+    for key in ("times", "values"):
+        if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray)):
+            raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where)
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         try:
             rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
@@ -847,7 +854,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
         if period <= 0:
             raise ScenarioError("a sine needs a period above zero.", where)
         amplitude = literal(value["amplitude"], difference, where)
-        return Sine(literal(value["mean"], slot, where), amplitude, period, float(value.get("phase", 0.0)))
+        return Sine(literal(value["mean"], slot, where), amplitude, period, literal(value.get("phase", 0.0), "1", where))
     raise ScenarioError(
         f"a signal is a table of times and values (hold, before, after, period, samples), or of mean, amplitude and period (phase), not of "
         f"{', '.join(sorted(keys))}.",

@@ -407,41 +407,44 @@ def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names
 
 def _check_slots(flat: Flat) -> None:
     """Check the dimension of every element's value against its slot, at the place where the value was written."""
+    known: set[tuple[str, str]] = set()  # units that fit a slot
     for node in flat.nodes:
         for name, path in node.fields.items():
-            _require(flat.parameters, path, NODE_SLOTS[name])
+            _require(known, flat.parameters, path, NODE_SLOTS[name])
     for conductor in flat.conductors:
         slots = KINDS[conductor.kind].slots
         for name, path in conductor.fields.items():
-            _require(flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
+            _require(known, flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
         if conductor.emissivity:
-            _require(flat.parameters, conductor.emissivity, "1")
+            _require(known, flat.parameters, conductor.emissivity, "1")
     for load in flat.loads:
         for name, path in load.fields.items():
-            _require(flat.parameters, path, LOAD_SLOTS[name])
+            _require(known, flat.parameters, path, LOAD_SLOTS[name])
     for control in flat.controls.values():
         for name, path in control.fields.items():
             way = control.control.transitions.get(name.split(".")[1]) if name.startswith("transitions.") else None
             follows = way.follows if way is not None and way.follows else control.control.follows
-            _require(flat.parameters, path, slot_of(name, of_difference(follows)))
+            _require(known, flat.parameters, path, slot_of(name, of_difference(follows)))
     for face in flat.faces.values():
         for name in {"absorptance", "emissivity"} & set(face.fields):
-            _require(flat.parameters, face.fields[name], "1")
+            _require(known, flat.parameters, face.fields[name], "1")
     for area, takes in flat.surfaces.values():
-        _require(flat.parameters, area, "m^2")
+        _require(known, flat.parameters, area, "m^2")
         for take in takes:
-            _require(flat.parameters, take.path, "m^2")
+            _require(known, flat.parameters, take.path, "m^2")
 
 
-def _require(parameters: ParameterSet, path: str, slot: str) -> None:
+def _require(known: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
     root = parameters.literal_behind(path)
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
-    with errors_at(entry.where):
-        if literal is not None:
-            require_unit(literal.unit, slot)
-        else:
-            require(parameters.dimension(path), slot)
+    if literal is None or (literal.unit.text, slot) not in known:
+        with errors_at(entry.where):
+            if literal is not None:
+                require_unit(literal.unit, slot)
+                known.add((literal.unit.text, slot))
+            else:
+                require(parameters.dimension(path), slot)
     if literal is not None and slot == "m^2" and literal.value < 0:
         raise DeckError("an area cannot be negative.", entry.where)
 

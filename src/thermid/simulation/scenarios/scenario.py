@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 from thermid.errors import ScenarioError, refuse_unknown
@@ -102,9 +103,13 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Turn texts into signals, so that a mistake shows here and not in a run."""
-        for name, slot in SLOTS.items():
+        for name in (*SLOTS, "gains", "environment", "irradiation", "initial"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
+        for place, given in (("start", self.start), *((f"initial.{k}", v) for k, v in self.initial.items())):
+            if isinstance(given, bool) or not isinstance(given, str | Real):
+                raise ScenarioError(f"it takes a temperature or a name, not {given!r}.", f"{self.title}, {place}")
+        for name, slot in SLOTS.items():
             if not slot:
                 by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
                 object.__setattr__(self, name, by_itself)
@@ -120,7 +125,7 @@ class Scenario:
                 raise ScenarioError(
                     f"it takes an environment, not {around!r}. Make one: td.Environment(...).", f"{self.title}, environment.{gas}"
                 )
-        seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
+        seconds = float(self.duration) if isinstance(self.duration, Real) else literal(self.duration, "s", f"{self.title}, duration")
         if not math.isfinite(seconds):
             raise ScenarioError(
                 f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",

@@ -61,8 +61,8 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
             else:
                 if precondition is None or k == 1:
                     precondition, made_by = _preconditioner(at, where)
-                change, left = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
-                failed = left != 0
+                change, info = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
+                failed = bool(info)
         size = float(np.abs(change).max())
         if failed or not np.isfinite(size):
             raise SolverError(_no_steady(network), where)

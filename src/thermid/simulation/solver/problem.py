@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from numbers import Integral, Real
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import gradient_of, value_of
+from thermid.errors import ScenarioError
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve, value_and_slope
@@ -128,6 +130,23 @@ class Options:
     method: str = "auto"
     large_tolerance: float | None = None
     extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        ScenarioError   Which it is.
+        """
+        for name in ("tolerance", "relative", "input_tolerance", "max_step", "max_steps", "large_tolerance"):
+            given = getattr(self, name)
+            if given is not None and (isinstance(given, bool) or not isinstance(given, Real) or not given >= 0.0):
+                raise ScenarioError(f"it takes a number, zero or above, not {given!r}.", f"Options, {name}")
+        for name, kind in (("method", str), ("extremes", bool)):
+            if not isinstance(given := getattr(self, name), kind):
+                raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {given!r}.", f"Options, {name}")
+        if not isinstance(self.max_steps, Integral):
+            raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps")
 
 
 @dataclass(frozen=True, eq=False)
