@@ -154,7 +154,7 @@ def to_modelica(
     called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,60}", called) or called in KEYWORDS or called in ("Modelica", "Library", "Laws"):
         raise DeckError(
-            f"'{called}' is no name of a Modelica package: letters, digits and _, beginning with a letter. Give another file name.",
+            f"'{called}' is not a valid name of a Modelica package. Use letters, digits and _, and begin with a letter.",
             model.title,
         )
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)

@@ -16,7 +16,7 @@ from thermid.units import TEMPERATURE
 def _ends(pair: list[str | float]) -> tuple[float, float]:
     """Return the two ends of a limit; infinite where the text is empty. [K]"""
     if len(pair) != 2:
-        raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end that nobody set.')
+        raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end without limit.')
     low, high = (literal(t, TEMPERATURE) if t != "" else None for t in pair)
     return (-np.inf if low is None else low, np.inf if high is None else high)
 
@@ -71,6 +71,6 @@ class LooksFile(GrammarOf[list[LookTable]]):
     """Every verdict on a record that a results folder remembers."""
 
     lead: ClassVar[str] = (
-        "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "
+        "the file is damaged. It lists the records that failed a verdict; without it they would be taken for independent ones. "
         "Restore it from the version control or a backup. Remove it only if no record of this folder ever failed."
     )

@@ -299,7 +299,7 @@ class Watcher:
             return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
         silent = [n for n in self.channels if record.channel(n).noise is None]
         noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K is assumed, because none is stated"] if silent else []
-        return (f"assumed error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
+        return (f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
 
     def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""

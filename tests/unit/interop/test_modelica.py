@@ -111,6 +111,6 @@ def test_what_cannot_be_written_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["2boxes", "model", "hot-box", "Modelica"])
 def test_a_name_that_is_none_for_a_package_is_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(td.ThermidError, match="is no name of a Modelica package"):
+    with pytest.raises(td.ThermidError, match="is not a valid name of a Modelica package"):
         to_modelica(td.model_from_dict(plate()), STILL, tmp_path / f"{name}.mo")
     assert list(tmp_path.iterdir()) == []

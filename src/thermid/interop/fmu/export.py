@@ -289,9 +289,7 @@ def _library() -> Path:
     """Return the library that runs models of FMUs on this platform."""
     found = Path(_kernel.__file__).with_name(f"_kernel_fmu{_ENDING}")
     if not found.is_file():
-        raise ThermidError(
-            f"this installation has no library for FMUs: {found.name} stands beside the kernel in a complete one. Install thermid anew."
-        )
+        raise ThermidError(f"this installation has no library for FMUs: {found.name} is missing next to the kernel. Reinstall thermid.")
     return found
 
 

@@ -60,7 +60,7 @@ class Decisive:
         said = f"{b.sensor} in {b.record}. After {at}: {read}, residual {b.residuals[k]:+.2f} K"
         if self.check is None:
             rmse = float(np.sqrt(np.mean(b.residuals**2)))
-            return f"Worst fitted sensor: {said}. RMSE {number(rmse, 2)} K. No limit applies: no record was held out."
+            return f"Worst fitted sensor: {said}. RMSE {number(rmse, 2)} K. No limit applies: there is no hold-out record."
         c = self.check
         word = VERDICTS[c.passed]
         return (

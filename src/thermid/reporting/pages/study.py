@@ -115,7 +115,7 @@ def _opening(study: Study, audience: str) -> list[str]:
 
 
 def steps(study: Study) -> list[PageBlock]:
-    """Return knowledge and use, box colours, set-ups and procedure as they stand on record."""
+    """Return knowledge and use, box colours, set-ups and procedure as recorded."""
     options = study.options
     theory = (("solver", study.solver), ("tolerance", f"{options.tolerance:g} K"), ("relative", f"{options.relative:g} of its range"))
     rows: list[Line] = [
