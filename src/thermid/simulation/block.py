@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,14 +22,23 @@ from thermid.simulation.simulator import output_times
 from thermid.simulation.solution import HeatBalance, Solution, Trace
 from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.large import METHODS, LargeAnswer, Watched, integrate
-from thermid.simulation.solver.large_periodic import periodic_large, stilled
-from thermid.simulation.solver.large_steady import settle_large
+from thermid.simulation.solver.large_steady import conductances, settle_large
 from thermid.simulation.solver.problem import Options, break_times
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
-from thermid.simulation.solver.wiring import check_start, held_inputs, held_means, levels_of, mean_span
+from thermid.simulation.solver.wiring import check_start, held_inputs, held_means, levels_of, mean_of, mean_span
 from thermid.units import TEMPERATURE
 
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
+MOST_PERIODS = 30
+"""Periods that are run until a state comes back."""
+CLOSED = 1e-3
+"""How far a state that comes back may miss itself, below what the runs err by. [K]"""
+FINE = 1e-4
+"""Local error of the runs of the search at most. [K]"""
+QUICK = 0.75
+"""What a mode that dies out within a period takes of what is missed: between a half, for slow ones, and one. [-]"""
+REMEMBERED = 6
+"""Earlier steps from which the next one is made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +256,7 @@ def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str 
         return simulate_block(block, whole, watch=(*EXTREMES, *block.heaters, *FACES), fields=(0.0,))
     network, said = compile_block(block, scenario), held_inputs(changing, time)
     if kind:
-        network, said = stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
+        network, said = _stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
     kelvin, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
     cells, at = kelvin.reshape(block.cells), np.array([float(time)])
     names = (*EXTREMES, *block.heaters, *FACES)
@@ -421,14 +431,67 @@ def _settled(
     check_start(asked, cycle, changing, scenario)
     if asked.kind == STEADY:
         return *settle_large(network, asked.time, where), held_inputs(changing, asked.time)
-    still = stilled(network, mean_span(changing, cycle, scenario))
+    still = _stilled(network, mean_span(changing, cycle, scenario))
     kelvin, statistics = settle_large(still, 0.0, where)
     if asked.kind == MEAN:
         return kelvin, statistics, held_means(changing, cycle, scenario)[1]
-    return *periodic_large(network, still, kelvin, cycle or 0.0, options, where, block.name), ""
+    return *_periodic(network, still, kelvin, cycle or 0.0, options, where, block.name), ""
 
 
 def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
     if value in network.boundaries:
         return float(network.boundary(network.boundaries.index(value), np.zeros(1))[0])
     return literal(value, TEMPERATURE, where) if isinstance(value, str) else float(value)
+
+
+def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:
+    """Return a network with every input at its mean over a span from zero [s]."""
+    return replace(network, inputs=tuple(mean_of(given, span) for given in network.inputs))
+
+
+def _periodic(
+    network: SparseNetwork, still: SparseNetwork, guess: Array, period: float, options: Options, where: str, name: Callable[[int], str]
+) -> tuple[Array, dict[str, Any]]:
+    """Return the state (nodes,) that comes back after every period of the inputs [K], and how it was found.
+
+    The zero of T(P) - T(0): with the network linearised at the mean of its inputs a mode of rate k misses (1 - exp(-k P)) of its error,
+    whose inverse is close to 3/4 + 1 / (k P), a sparse solution with the conductances; what that leaves is brought down by Anderson's
+    method (J. ACM 12 (1965) 547).
+
+    Parameters
+    ----------
+    still : SparseNetwork       The same with its inputs at their means.
+    guess : array (nodes,)      Its steady temperatures. [K]
+    period : float              [s]
+
+    Raises
+    ------
+    SolverError   When no such state is found.
+    """
+    solve = conductances(still, guess, where)
+    fine = replace(options, large_tolerance=min(options.large_tolerance or FINE, FINE), extremes=False)
+    watched, none = (Watched("mean", np.zeros(1, dtype=np.int32), np.ones(1)),), np.zeros(0)
+
+    def after(state: Array) -> Array:
+        return integrate(network, state, period, np.array([period]), watched, none, fine, where, name).final
+
+    state, states, steps = guess.copy(), [], []  # type: Array, list[Array], list[Array]
+    for run in range(MOST_PERIODS):
+        end = after(state)
+        missed = end - state
+        size = float(np.abs(missed).max())
+        if size < CLOSED:
+            return end, {"method": "Anderson", "periods": run + 1, "missed": size}
+        states.append(state)
+        steps.append(QUICK * missed + solve(network.capacities * missed / period))
+        state = np.maximum(_mixed(states[-REMEMBERED:], steps[-REMEMBERED:]), 0.1)
+    raise SolverError(f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where)
+
+
+def _mixed(states: list[Array], steps: list[Array]) -> Array:
+    """Return the next state: the combination of earlier ones whose steps cancel best, and its step."""
+    if len(states) < 2:
+        return np.asarray(states[-1] + steps[-1])
+    moved, changed = (np.column_stack([b - a for a, b in pairwise(each)]) for each in (states, steps))
+    share = np.linalg.lstsq(changed, steps[-1], rcond=1e-12)[0]
+    return np.asarray(states[-1] + steps[-1] - (moved + changed) @ share)

@@ -72,7 +72,7 @@ def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matr
 
 
 @dataclass(frozen=True, eq=False)
-class Exchange:
+class FaceExchange:
     """The exchange areas of an enclosure at the values of its faces; the latest are kept, since every pair asks for them."""
 
     path: str
@@ -176,7 +176,7 @@ class Exchange:
 class _Recipe:
     """The law of one pair of faces at some values."""
 
-    exchange: Exchange
+    exchange: FaceExchange
     first: int
     second: int
 
@@ -189,7 +189,7 @@ class _Recipe:
 class SunShare:
     """What one face, or the rest, absorbs of the sun on another, at some values. [m^2]"""
 
-    exchange: Exchange
+    exchange: FaceExchange
     to: int
     first: int
 
@@ -203,7 +203,7 @@ class Enclosed:
     """A surface in its enclosure: its place among the faces, the enclosure's faces, and the node of the rest, empty without one."""
 
     place: int
-    exchange: Exchange
+    exchange: FaceExchange
     rest: str
 
     def targets(self) -> list[tuple[str, str, SunShare]]:
@@ -232,12 +232,12 @@ class Enclosed:
         return out
 
 
-def pairs(exchange: Exchange, rest: str) -> list[Pair]:
+def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
     """Return the radiating pairs of an enclosure.
 
     Parameters
     ----------
-    exchange : Exchange     Its faces.
+    exchange : FaceExchange     Its faces.
     rest : str              The node of the rest; empty without one.
 
     Raises

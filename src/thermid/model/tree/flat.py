@@ -15,7 +15,7 @@ from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import HeatStore, potential, store
 from thermid.model.parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
-from thermid.model.parts.enclosures import Enclosed, Exchange, Face, pairs
+from thermid.model.parts.enclosures import Enclosed, Face, FaceExchange, pairs
 from thermid.model.parts.facing import Facing
 from thermid.model.parts.kinds import KINDS, Law
 from thermid.model.parts.takes import Take
@@ -262,7 +262,7 @@ def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> t
                 node = names.end(part, part_prefix, surface.of, key)
                 faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
             rest = names.seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
-            exchange = Exchange(prefix + name, enclosure, faces, bool(rest), owner.where(key))
+            exchange = FaceExchange(prefix + name, enclosure, faces, bool(rest), owner.where(key))
             enclosed |= {f.path: Enclosed(k, exchange, rest) for k, f in enumerate(faces)}
             for pair in pairs(exchange, rest):
                 out.append(FlatConductor(pair.path, "radiation", pair.ends, pair.fields, where=owner.where(key), recipe=pair.recipe))
