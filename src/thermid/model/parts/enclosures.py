@@ -60,8 +60,8 @@ _Matrix = Callable[[list[Number], list[Number]], list[list[Number]]]
 
 def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matrix) -> list[list[Number]]:
     """Return what a law makes of areas and shares (faces,): floats, numbers with derivatives, or those of members, one after the other."""
-    numbers = (*areas, *shares)
-    many = next((x for x in numbers if hasattr(x, "values")), None)
+    numbers: tuple[Any, ...] = (*areas, *shares)
+    many: Any = next((x for x in numbers if hasattr(x, "values")), None)
     if many is not None:
         sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers])
         found = np.array([law(list(own[: len(areas)]), list(own[len(areas) :])) for own in sets.T.tolist()])
