@@ -187,7 +187,7 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
         solar, wave = any(getattr(given, name) is not None for name in SOLAR), given.infrared is not None or given.sky is not None
     if solar and "absorptance" not in face.fields:
         raise DeckError(f"'{path}' is in the sun but has no absorptance. Give one, or 0 if no sun can reach it.", face.where)
-    out = [_load(path, face, "sun", "absorptance", partial(_sun, given, face.facing))] if solar else []
+    out = _sunlit(path, face, partial(_sun, given, face.facing)) if solar else []
     if wave and not (outdoors and face.sees != face.to):
         if "emissivity" not in face.fields:
             message = f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out."
@@ -200,6 +200,18 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
         out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, given, face, path)))
     if stream is not None:
         out.append(_load(path, face, "stream", "", partial(_stream, stream)))
+    return out
+
+
+def _sunlit(path: str, face: FlatSurface, flux: Any) -> list[FlatLoad]:
+    """Return what the sun on one surface heats: itself; in an enclosure also those on which falls what is reflected there."""
+    own = _load(path, face, "sun", "absorptance", flux)
+    if face.enclosed is None:
+        return [own]
+    fields, out = face.enclosed.fields(), []
+    for name, node, share in face.enclosed.targets():
+        label = own.path if share.to == share.first else f"{own.path}.{name}"
+        out.append(replace(own, path=label, node=node, sensor=node, fields=fields, takes=(), recipe=share))
     return out
 
 

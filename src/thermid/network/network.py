@@ -334,6 +334,8 @@ def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number
 
 def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, Any]) -> LoadRow:
     """Return the row of what a surface absorbs: its exposed area, times its absorptance or emissivity, per flux."""
+    if load.recipe is not None:
+        return LoadRow(load.path, "signal", load.node, load.sensor, (load.recipe(values),), None, f"load {load.path}", "", load.controls)
     surface = load.path.rpartition(".")[0]
     first = exposed_area(surface, fields["area"], load.takes, values, load.where)
     for name in ("absorptance", "emissivity"):

@@ -46,6 +46,43 @@ def _sent(seen: Array, areas: Array, emissivities: Array) -> Array:
     return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * seen, np.diag(emissivities * areas)))
 
 
+def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Sequence[Number]) -> list[list[Number]]:
+    """Return what each face absorbs of a flux that falls on another first, with every diffuse reflection between them (faces, faces). [m^2]
+
+    H = H0 + F R H, with R the reflectances: irradiance that comes from outside and from the others. What face i absorbs is a_i A_i H_i.
+    Columns are the faces on which the flux falls; in a closed enclosure each sums to its area.
+
+    Parameters
+    ----------
+    factors : array (faces, faces)              View factors. [-]
+    areas, absorptances : sequence (faces,)     With derivatives or without. [m^2], [-]
+
+    Examples
+    --------
+    Two large facing plates, both half absorbing, one under the sun: it takes two thirds, the other one third.
+
+    >>> found = absorbing_areas(np.array([[0.0, 1.0], [1.0, 0.0]]), [1.0, 1.0], [0.5, 0.5])
+    >>> [round(float(row[0]), 4) for row in found]
+    [0.6667, 0.3333]
+    """
+    share = np.array([value_of(a) for a in absorptances])
+    size = np.array([value_of(a) for a in areas])
+    spread = np.linalg.inv(np.eye(size.size) - factors * (1.0 - share))
+    values = (share * size)[:, None] * spread
+    found: list[list[Number]] = [[float(v) for v in row] for row in values]
+    free = next((x.gradient.size for x in (*areas, *absorptances) if isinstance(x, Dual)), 0)
+    if not free:
+        return found
+    gradient = np.zeros((*values.shape, free))
+    for k, (area, absorptance) in enumerate(zip(areas, absorptances, strict=True)):
+        if isinstance(area, Dual):
+            gradient[k] += share[k] * spread[k][:, None] * area.gradient
+        if isinstance(absorptance, Dual):
+            gradient[k] += size[k] * spread[k][:, None] * absorptance.gradient
+            gradient -= np.outer(values @ factors[:, k], spread[k])[..., None] * absorptance.gradient
+    return [[Dual(v, gradient[i, j]) for j, v in enumerate(row)] for i, row in enumerate(values.tolist())]
+
+
 def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Sequence[Number]) -> list[list[Number]]:
     """Return the exchange areas of faces whose areas and emissivities carry derivatives; see `exchange_areas`. [m^2]"""
     size = np.array([value_of(a) for a in areas])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,20 +14,31 @@ from thermid.errors import NameNotFoundError, ScenarioError, SolverError, neares
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
-from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
+from thermid.model.laws.signal import Constant, Drawn, Signal, common_cycle, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
-from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
+from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
 from thermid.simulation.solution import HeatBalance, Solution, Trace
 from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.large import METHODS, LargeAnswer, Watched, integrate
-from thermid.simulation.solver.large_steady import settle_large
+from thermid.simulation.solver.large_steady import conductances, settle_large
 from thermid.simulation.solver.problem import Options, break_times
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
+from thermid.simulation.solver.wiring import check_start, held_inputs, held_means, levels_of, mean_of, mean_span
 from thermid.units import TEMPERATURE
 
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
+MOST_PERIODS = 30
+"""Periods that are run until a state comes back."""
+CLOSED = 1e-3
+"""How far a state that comes back may miss itself, below what the runs err by. [K]"""
+FINE = 1e-4
+"""Local error of the runs of the search at most. [K]"""
+QUICK = 0.75
+"""What a mode that dies out within a period takes of what is missed: between a half, for slow ones, and one. [-]"""
+REMEMBERED = 6
+"""Earlier steps from which the next one is made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +107,7 @@ class BlockSolution(Solution):
     def load_powers(self) -> Mapping[str, Array]:
         """Heater -> power (times,). [W]"""
         out = {}
-        for name, heater in self.block.heaters.items():
-            power, command = self._scenario.loads.get(name, heater.power), self._scenario.commands.get(name, Constant(1.0))
-            signal = multiplied(power, command)
+        for name, signal in _powers(self.block, self._scenario).items():
             out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
         return out
 
@@ -227,25 +237,63 @@ def simulate_block(
     field_times = np.asarray(list(fields), dtype=float)
     if field_times.size and ((np.diff(field_times) <= 0).any() or field_times[0] < 0 or field_times[-1] > scenario.seconds):
         raise ScenarioError("times of fields must increase and lie within the duration.", where)
-    initial = _start(block, scenario, network, where)
+    initial, statistics, said = _start(block, scenario, network, opts, where)
     answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
     grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
     method = str(answer.statistics["method"]).removesuffix(" + CG")
     options = replace(opts, method=method, extremes=False)
     again = Again(network, initial, float(scenario.seconds), tuple(watched), options, where, block.name)
-    return _solution(block, scenario, network, names, wanted, answer.watched, answer.statistics, grid, answer, again)
+    statistics = {**answer.statistics, **({"start": statistics} if statistics else {})}
+    return _solution(block, scenario, network, names, wanted, answer.watched, statistics, grid, answer, again, said)
 
 
-def steady_block(block: Block, scenario: Scenario, time: float = 0.0) -> BlockSolution:
-    """Return the steady temperatures of a block with the inputs of one time held, as a solution of one time; see `steady`."""
-    network = compile_block(block, scenario)
+def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str = "") -> BlockSolution:
+    """Return the steady temperatures of a block with the inputs of one time held, as a solution of one time; see `steady`.
+
+    With `kind` ``mean`` their means are held; ``periodic`` is the run over a period that comes back.
+    """
+    cycle, changing = _rhythm(block, scenario)
+    if kind and cycle and cycle > scenario.seconds:
+        scenario = scenario.with_(duration=cycle)
+    if kind == PERIODIC:
+        whole = scenario.with_(start=PERIODIC, duration=cycle or scenario.seconds, initial={})
+        return simulate_block(block, whole, watch=(*EXTREMES, *block.heaters, *FACES), fields=(0.0,))
+    network, said = compile_block(block, scenario), held_inputs(changing, time)
+    if kind:
+        network, said = _stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
     kelvin, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
     cells, at = kelvin.reshape(block.cells), np.array([float(time)])
     names = (*EXTREMES, *block.heaters, *FACES)
     means = [float(kelvin[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
     watched = np.array([[kelvin.mean(), kelvin.max(), kelvin.min(), *means]])
     grid = {"fields": cells[None], "final_field": cells, "field_times": at}
-    return _solution(block, scenario, network, names, at, watched, statistics, grid, None)
+    return _solution(block, scenario, network, names, at, watched, statistics, grid, None, said=said)
+
+
+def steady_levels_of_block(block: Block, scenario: Scenario, most: int) -> tuple[BlockSolution, ...]:
+    """Return the steady state of a block under each combination of levels that its inputs take; see `steady_levels`."""
+    cycle, _ = _rhythm(block, scenario)
+    scenario = scenario.with_(duration=max(scenario.seconds, cycle or 0.0))
+    instants = levels_of(_courses(block, scenario), scenario.seconds, scenario.title, most)
+    return tuple(steady_block(block, scenario, t) for t in instants)
+
+
+def _powers(block: Block, scenario: Scenario) -> dict[str, Signal]:
+    """Return heater -> its power. [W]"""
+    given, commands = scenario.loads, scenario.commands
+    return {n: multiplied(given.get(n, h.power), commands.get(n, Constant(1.0))) for n, h in block.heaters.items()}
+
+
+def _courses(block: Block, scenario: Scenario) -> dict[str, Signal]:
+    """Return every input of a block: boundaries and powers."""
+    _check(block, scenario, f"{block.title}, {scenario.title}")
+    return {**{b: scenario.boundaries[b] for b in block.boundaries}, **_powers(block, scenario)}
+
+
+def _rhythm(block: Block, scenario: Scenario) -> tuple[float | None, tuple[str, ...]]:
+    """Return after what time all inputs repeat [s], None where they do not, and which of them change."""
+    changing = {name: s.cycle for name, s in _courses(block, scenario).items() if s.cycle != 0.0}
+    return common_cycle(list(changing.values())), tuple(changing)
 
 
 def _solution(
@@ -259,6 +307,7 @@ def _solution(
     grid: Mapping[str, Array],
     answer: LargeAnswer | None,
     again: Again | None = None,
+    said: str = "",
 ) -> BlockSolution:
     none: Any = None  # a block has no wiring of names
     more: dict[str, Any] = {
@@ -271,9 +320,8 @@ def _solution(
         **grid,
     }
     nodes = (*names, *network.boundaries)
-    remarks = (
-        () if network.boundaries else ("the block has no path to a boundary, so its temperature changes without limit when it is heated",)
-    )
+    lost = "" if network.boundaries else "the block has no path to a boundary: it warms or cools without limit as it is heated"
+    remarks = tuple(each for each in (lost, said) if each)
     return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
 
 
@@ -315,8 +363,8 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
     places = tuple(place(s) for s in given)
     rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
     loads = []
-    for tag, (name, heater) in enumerate(block.heaters.items()):
-        power = multiplied(scenario.loads.get(name, heater.power), scenario.commands.get(name, Constant(1.0))).drawn(scenario.seconds)
+    for tag, (name, course) in enumerate(_powers(block, scenario).items()):
+        power = course.drawn(scenario.seconds)
         nodes = block.heater_cells(name)
         coefficients = np.zeros((4, nodes.size))
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
@@ -363,27 +411,91 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
     return out
 
 
-def _start(block: Block, scenario: Scenario, network: SparseNetwork, where: str) -> Array:
-    """Return the initial temperatures (cells,). [K]"""
+def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Options, where: str) -> tuple[Array, Mapping[str, Any], str]:
+    """Return the initial temperatures (cells,) [K], how they were looked for, and what a reader must know of them."""
     start = scenario.start
     asked = Start.of(start, where)
-    if asked is not None and asked.kind != STEADY:
-        raise ScenarioError(
-            f"a block can start steady under the inputs of one time only, not '{start}'. Turn it into a model with model().", where
-        )
     if asked is not None:
         if scenario.initial:
-            raise ScenarioError("a steady start gives the temperatures of all cells. Leave 'initial' out.", where)
-        return settle_large(network, asked.time, where)[0]
+            raise ScenarioError("a steady start holds for all cells; leave 'initial' out.", where)
+        return _settled(block, scenario, network, asked, options, where)
     if start == "" and len(network.boundaries) != 1:
         raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where)
     initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))
     for name, value in scenario.initial.items():
         initial[block.place(name)] = _temperature(value, network, where)
-    return initial
+    return initial, {}, ""
+
+
+def _settled(
+    block: Block, scenario: Scenario, network: SparseNetwork, asked: Start, options: Options, where: str
+) -> tuple[Array, Mapping[str, Any], str]:
+    """Return what `_start` does for a start that is looked for."""
+    cycle, changing = _rhythm(block, scenario)
+    check_start(asked, cycle, changing, scenario)
+    if asked.kind == STEADY:
+        return *settle_large(network, asked.time, where), held_inputs(changing, asked.time)
+    still = _stilled(network, mean_span(changing, cycle, scenario))
+    kelvin, statistics = settle_large(still, 0.0, where)
+    if asked.kind == MEAN:
+        return kelvin, statistics, held_means(changing, cycle, scenario)[1]
+    return *_periodic(network, still, kelvin, cycle or 0.0, options, where, block.name), ""
 
 
 def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
     if value in network.boundaries:
         return float(network.boundary(network.boundaries.index(value), np.zeros(1))[0])
     return literal(value, TEMPERATURE, where) if isinstance(value, str) else float(value)
+
+
+def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:
+    """Return a network with every input at its mean over a span from zero [s]."""
+    return replace(network, inputs=tuple(mean_of(given, span) for given in network.inputs))
+
+
+def _periodic(
+    network: SparseNetwork, still: SparseNetwork, guess: Array, period: float, options: Options, where: str, name: Callable[[int], str]
+) -> tuple[Array, dict[str, Any]]:
+    """Return the state (nodes,) that comes back after every period of the inputs [K], and how it was found.
+
+    The zero of T(P) - T(0): with the network linearised at the mean of its inputs a mode of rate k misses (1 - exp(-k P)) of its error,
+    whose inverse is close to 3/4 + 1 / (k P), a sparse solution with the conductances; what that leaves is brought down by Anderson's
+    method (J. ACM 12 (1965) 547).
+
+    Parameters
+    ----------
+    still : SparseNetwork       The same with its inputs at their means.
+    guess : array (nodes,)      Its steady temperatures. [K]
+    period : float              [s]
+
+    Raises
+    ------
+    SolverError   When no such state is found.
+    """
+    solve = conductances(still, guess, where)
+    fine = replace(options, large_tolerance=min(options.large_tolerance or FINE, FINE), extremes=False)
+    watched, none = (Watched("mean", np.zeros(1, dtype=np.int32), np.ones(1)),), np.zeros(0)
+
+    def after(state: Array) -> Array:
+        return integrate(network, state, period, np.array([period]), watched, none, fine, where, name).final
+
+    state, states, steps = guess.copy(), [], []  # type: Array, list[Array], list[Array]
+    for run in range(MOST_PERIODS):
+        end = after(state)
+        missed = end - state
+        size = float(np.abs(missed).max())
+        if size < CLOSED:
+            return end, {"method": "Anderson", "periods": run + 1, "missed": size}
+        states.append(state)
+        steps.append(QUICK * missed + solve(network.capacities * missed / period))
+        state = np.maximum(_mixed(states[-REMEMBERED:], steps[-REMEMBERED:]), 0.1)
+    raise SolverError(f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where)
+
+
+def _mixed(states: list[Array], steps: list[Array]) -> Array:
+    """Return the next state: the combination of earlier ones whose steps cancel best, and its step."""
+    if len(states) < 2:
+        return np.asarray(states[-1] + steps[-1])
+    moved, changed = (np.column_stack([b - a for a, b in pairwise(each)]) for each in (states, steps))
+    share = np.linalg.lstsq(changed, steps[-1], rcond=1e-12)[0]
+    return np.asarray(states[-1] + steps[-1] - (moved + changed) @ share)

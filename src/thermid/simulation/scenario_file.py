@@ -18,7 +18,7 @@ from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.toml_files import Places, read_toml, refuse_another_kind
 from thermid.units import TEMPERATURE
 
-SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
+SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent", "orbit")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
 
 
@@ -28,8 +28,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
     A signal may be a column of a log: ``{ file = "room.csv", column = "T_AMB", unit = "degC", time = "time_s" }``, whose times count from
     the first sample of the log. Tables
-    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does, and `ascent` an ascent, as
-    `ascent_scenario` does.
+    `site`, `weather`, `sun` and `wind` make a time on the pad, as `pad_scenario` does, `ascent` an ascent, as
+    `ascent_scenario` does, and `orbit` a time in orbit, by `orbit_fluxes`.
 
     Raises
     ------

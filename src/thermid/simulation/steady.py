@@ -10,19 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError
 from thermid.linear_algebra import Array
 from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.block import BlockSolution, steady_block
+from thermid.simulation.block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation.heat_map import HeatMap
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solver.engine import at_rest
 from thermid.simulation.solver.problem import KernelProblem, Traces
-from thermid.simulation.solver.wiring import Assembled, Wiring
+from thermid.simulation.solver.wiring import Assembled, Wiring, held_means, levels_of
 from thermid.simulation.transient import simulate
 
 PERIOD_SAMPLES = 2001
@@ -76,7 +75,7 @@ def steady(model: Block, scenario: Scenario, time: float | str = 0.0) -> BlockSo
 def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) -> Steady | BlockSolution:
     """Return node -> steady temperature with the inputs of one time held, boundaries and massless nodes included. [K]
 
-    Of a block, return a solution of that one time.
+    Of a block, return a solution of that one time; for ``periodic`` one of a whole period that comes back.
 
     Parameters
     ----------
@@ -95,11 +94,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
     asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or ICE_POINT)
     if isinstance(model, Block):
-        if kind:
-            raise ScenarioError(
-                "a block has a steady state under the inputs of one time only. Turn it into a model with model().", scenario.title
-            )
-        return steady_block(model, asked, instant)
+        return steady_block(model, asked, instant, kind)
     # the start plays no part
     asked = replace(asked, start=ICE_POINT, initial={})
     wiring = Wiring(network_for(model, asked), asked)
@@ -115,12 +110,8 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
     heat = _heat(problem, a, found, on, temperatures, instant)
     if kind:
-        span = f"a period of {wiring.cycle:g} s" if wiring.cycle else f"{asked.seconds:g} s"
-        bent = (
-            f"the means over {span} of {', '.join(wiring.changing)} are the inputs; for nonlinear laws the result is not the mean "
-            "of the temperatures"
-        )
-        return Steady(temperatures, f"mean inputs over {span}", (bent,) if wiring.changing else (), heat=heat)
+        span, said = held_means(wiring.changing, wiring.cycle, asked)
+        return Steady(temperatures, f"mean inputs over {span}", (said,) if said else (), heat=heat)
     said = wiring.held_at(instant)
     return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else (), heat=heat)
 
@@ -151,15 +142,24 @@ def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Ste
     return Steady(mean, f"the mean over a period of {length:g} s of the periodic state", (), low, high, heat)
 
 
+@overload
+def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]: ...
+
+
+@overload
+def steady_levels(model: Block, scenario: Scenario) -> tuple[BlockSolution, ...]: ...
+
+
 @takes_objects
-def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]:
+def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...] | tuple[BlockSolution, ...]:
     """Return the steady state under each combination of levels that the inputs take, in the order in which they come up. [K]
 
-    Every input changes by jumps alone; the run is looked through, and the period of the inputs where they repeat.
+    Every input changes by jumps alone; the run is looked through, and the period of the inputs where they repeat. Of a block, solutions of
+    one time each.
 
     Parameters
     ----------
-    model : Model           What the hardware is.
+    model : Model or Block  What the hardware is.
     scenario : Scenario     What is done to it.
 
     Raises
@@ -167,23 +167,12 @@ def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]:
     ScenarioError   When an input does not stay on levels, or there are more than `MOST_LEVELS`.
     SolverError     As in `steady`.
     """
+    if isinstance(model, Block):
+        return steady_levels_of_block(model, scenario, MOST_LEVELS)
     asked = replace(scenario, start=ICE_POINT, initial={})
     wiring = Wiring(network_for(model, asked), asked)
     length = max(asked.seconds, wiring.cycle or 0.0)
     if length > asked.seconds:
         asked = asked.with_(duration=length)
         wiring = Wiring(network_for(model, asked), asked)
-    moving = [name for name, s in wiring.signals.items() if not s.held]
-    if moving:
-        raise ScenarioError(f"'{moving[0]}' has no plateaus. Request its mean, a time or the periodic state.", scenario.title)
-    knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in wiring.signals.values())]))
-    knots = knots[(knots >= 0.0) & (knots <= length)]
-    middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
-    rows = np.column_stack([s.at(middles) for s in wiring.signals.values()])
-    _, first = np.unique(rows, axis=0, return_index=True)
-    if first.size > MOST_LEVELS:
-        raise ScenarioError(
-            f"the inputs take {first.size} combinations of values; the limit is {MOST_LEVELS}. Request the mean or single times.",
-            scenario.title,
-        )
-    return tuple(steady(model, asked, float(middles[k])) for k in np.sort(first))
+    return tuple(steady(model, asked, t) for t in levels_of(wiring.signals, length, scenario.title, MOST_LEVELS))

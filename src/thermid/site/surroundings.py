@@ -1,22 +1,42 @@
-"""Tables of a scenario file that make its surroundings: site, weather, sun and wind of the ground, or an ascent."""
+"""Tables of a scenario file that make its surroundings: site, weather, sun and wind of the ground, an ascent, or an orbit."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from thermid.errors import ScenarioError
-from thermid.model.laws.signal import literal
+from thermid.errors import (ScenarioError, errors_at)
+from thermid.model.laws.signal import (Constant, literal)
+from thermid.network.environment import Environment
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
+from thermid.site.orbit import Planet, orbit_fluxes
 from thermid.site.pad import pad_scenario
 from thermid.site.site import Site
 from thermid.site.weather import read_weather
 from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
-TABLES = ("site", "weather", "sun", "wind", "ascent")
+KEYS: Mapping[str, tuple[str, ...]] = {
+    "site": ("name", "latitude", "longitude", "altitude", "timezone"),
+    "weather": ("file", "columns", "begin", "starts", "max_gap", "year", "time", "averaged", "air", "air_temperature"),
+    "sun": ("shines", "sky", "albedo", "turbidity"),
+    "ascent": (
+        "file",
+        "columns",
+        "time",
+        "pressure",
+        "air",
+        "air_temperature",
+        "walls",
+        "separation",
+        "flow",
+        "accommodation",
+        "upper",
+    ),
+    "orbit": ("perigee", "apogee", "planet", "albedo", "infrared", "solar", "beta", "argument", "begin", "attitude", "faces", "orbits"),
+}
 
 
 def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scenario:
@@ -31,6 +51,11 @@ def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     duration = rest.pop("duration", None)
     if isinstance(duration, str):
         duration = literal(duration, "s", f"{file}, duration")
+    if tables["orbit"]:
+        clash = [name for name in ("site", "weather", "sun", "wind", "ascent") if tables[name]]
+        if clash:
+            raise ScenarioError(f"a scenario is in orbit or it is not: it has {clash[0]} and orbit.", file)
+        return _orbit(tables["orbit"], rest, duration, f"{file}, orbit")
     if tables["ascent"]:
         clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
         if clash:
@@ -64,3 +89,58 @@ def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float |
             options[name] = columns.signal(table[name], slot, f"{where}.{name}")
     walls = {k: columns.signal(v, TEMPERATURE, f"{where}.walls.{k}") for k, v in table.get("walls", {}).items()}
     return ascent_scenario(trajectory, duration=duration, walls=walls, **options, **rest)
+
+
+def _orbit(table: Mapping[str, Any], rest: dict[str, Any], duration: float | None, where: str) -> Scenario:
+    """Return a time in orbit: what falls on the faces, no gas where nothing else is said of one, as long as some orbits."""
+    for name in ("perigee", "albedo", "infrared"):
+        if name not in table:
+            raise ScenarioError(f"an orbit has perigee, albedo and infrared; {name} is missing, and none is assumed.", where)
+    orbits = table.get("orbits")
+    if orbits is not None and duration is not None:
+        raise ScenarioError("the run lasts so many orbits or has a duration; give one of them.", where)
+    if orbits is not None and not float(orbits) > 0.0:
+        raise ScenarioError(f"{orbits} orbits are no run; give a number above zero.", where)
+    with errors_at(where):
+        flown = {k: v for k, v in table.items() if k not in ("planet", "faces", "orbits")}
+        found = orbit_fluxes(**flown, planet=_planet(table.get("planet", "earth"), where))
+        falling = found.irradiation(_faces(table["faces"], where) if "faces" in table else None)
+    twice = sorted(set(falling) & set(rest.get("irradiation", {})))
+    if twice:
+        raise ScenarioError(f"what falls on '{twice[0]}' is given by orbit and by irradiation; give one of them.", where)
+    environment = {"*": Environment(Constant(0.0)), **rest.pop("environment", {})}
+    falls = {**falling, **rest.pop("irradiation", {})}
+    length = found.period * float(orbits) if orbits is not None else duration or 0.0
+    return Scenario(**rest, irradiation=falls, environment=environment, duration=length)
+
+
+def _planet(given: Any, where: str) -> str | Planet:
+    """Return a planet by name, or of its figures."""
+    if not isinstance(given, Mapping):
+        return str(given)
+    slots = {"radius": "m", "attraction": "m^3/s^2", "solar": "W/m^2"}
+    refuse_unknown(given, slots, f"{where}.planet", "a planet has no '{}'.{near} It has {known}.", ScenarioError)
+    missing = [name for name in slots if name not in given]
+    if missing:
+        raise ScenarioError(f"a planet has {', '.join(slots)}; {missing[0]} is missing.", f"{where}.planet")
+    return Planet(**{k: literal(v, slots[k], f"{where}.planet.{k}") for k, v in given.items()})
+
+
+def _faces(given: Mapping[str, Any], where: str) -> dict[str, str]:
+    """Return surface -> face, from face -> surface or several."""
+    out: dict[str, str] = {}
+    for face, surfaces in given.items():
+        for surface in [surfaces] if isinstance(surfaces, str) else surfaces:
+            if surface in out:
+                raise ScenarioError(f"'{surface}' looks one way: it is on the faces {out[surface]} and {face}.", f"{where}.faces")
+            out[surface] = face
+    return out
+
+
+def _site(table: Mapping[str, Any], file: str) -> Site | None:
+    if not table:
+        return None
+    missing = [k for k in ("latitude", "longitude") if k not in table]
+    if missing:
+        raise ScenarioError(f"a site has latitude and longitude; {missing[0]} is missing.", f"{file}, site")
+    return Site(**table)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -160,3 +161,83 @@ def test_orbits_that_cannot_be(more: dict[str, Any], message: str) -> None:
     with pytest.raises(td.ThermidError) as caught:
         orbit(**more)
     assert message in str(caught.value)
+
+
+CUBE_DECK = """
+title = "cube"
+needs = ["space"]
+nodes.cube = { mass = "50 [kg]", specific_heat = "1000 [J/(kg K)]" }
+[tables.faces]
+makes = "surfaces"
+rows = [{ name = "nadir" }, { name = "zenith" }, { name = "ram" }, { name = "wake" }, { name = "north" }, { name = "south" }]
+each = { of = "cube", to = "space", area = "0.25 [m^2]", htc = 0, emissivity = 1, absorptance = 1 }
+"""
+LOW_ORBIT = """
+start = "periodic"
+boundaries.space = "2.7 [K]"
+[orbit]
+perigee = "300 [km]"
+planet = { radius = "6370 [km]", attraction = "3.98199e14 [m^3/s^2]", solar = "1370 [W/m^2]" }
+albedo = 0.3
+infrared = "234.05 [W/m^2]"
+orbits = 1
+"""
+
+
+def written(folder: Path, orbit: str, deck: str = CUBE_DECK) -> tuple[td.Model, td.Scenario]:
+    (folder / "cube.toml").write_text(deck)
+    (folder / "orbit.toml").write_text(orbit)
+    return td.load_model(folder / "cube.toml"), td.load_scenario(folder / "orbit.toml")
+
+
+def test_the_solved_cube_in_fifteen_lines_of_two_files(tmp_path: Path) -> None:
+    """Deck and scenario, nothing else: fluxes on every face, no gas, one orbit that comes back."""
+    assert sum(bool(line) for line in (CUBE_DECK + LOW_ORBIT).splitlines()) == 15
+    model, scenario = written(tmp_path, LOW_ORBIT)
+    run = td.simulate(model, scenario)
+    found = orbit("300 [km]", planet=Planet(6370e3, 3.98199e14, 1370.0), infrared=234.05)
+    own = td.Scenario("o", boundaries={"space": "2.7 [K]"}, irradiation=found.irradiation(), duration=found.period, start="periodic")
+    assert run["cube"].kelvin == pytest.approx(td.simulate(cube(found), own.vacuum())["cube"].kelvin, abs=1e-9)
+    light = {f: float(max(run.load_powers[f"{f}.sun"])) for f in found.faces}
+    assert light["zenith"] == pytest.approx(0.25 * 1370.0, rel=0.01)
+
+
+def test_a_table_of_an_orbit_has_every_argument(tmp_path: Path) -> None:
+    more = 'apogee = "900 [km]"\nbeta = 40\nargument = 30\nbegin = 10\nattitude = "sun"\nsolar = "1400 [W/m^2]"\n'
+    text = LOW_ORBIT + more + "[orbit.faces]\nsun = 'zenith'\nshade = ['nadir', 'ram']\n"
+    _, scenario = written(tmp_path, text)
+    args: dict[str, Any] = {"beta": 40, "argument": 30, "begin": 10, "attitude": "sun", "solar": 1400.0, "infrared": 234.05}
+    found = orbit("300 [km]", planet=Planet(6370e3, 3.98199e14, 1370.0), apogee="900 [km]", **args)
+    want = found.irradiation({"zenith": "sun", "nadir": "shade", "ram": "shade"})
+    assert set(scenario.irradiation) == set(want)
+    times = np.linspace(0.0, 3.0 * found.period, 500)
+    for surface, falling in want.items():
+        for name, signal in falling.signals().items():
+            assert getattr(scenario.irradiation[surface], name).at(times) == pytest.approx(signal.at(times), rel=1e-9, abs=1e-9)
+    assert scenario.seconds == pytest.approx(found.period)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("albedo = 0.3\n", ""), "albedo is missing, and none is assumed"),
+        (('start = "periodic"', 'start = "periodic"\nduration = "1 [h]"'), "so many orbits or has a duration"),
+        (("orbits = 1", "orbits = 0"), "no run"),
+        (("orbits = 1", "orbit = 1"), "no 'orbit' in orbit"),
+        (("orbits = 1", "faces = { top = 'zenith' }"), "no face 'top'"),
+        (("orbits = 1", "faces = { zenith = 'ram', ram = 'ram' }"), "looks one way"),
+        (("orbits = 1", "[site]\nlatitude = 1\nlongitude = 2"), "in orbit or it is not"),
+        (("orbits = 1", "[irradiation.ram]\ninfrared = '1 [W/m^2]'"), "by orbit and by irradiation"),
+        (('radius = "6370 [km]", ', ""), "radius is missing"),
+    ],
+)
+def test_an_orbit_that_is_none_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    with pytest.raises(td.ThermidError, match=message):
+        written(tmp_path, LOW_ORBIT.replace(*change))
+
+
+def test_gas_that_is_given_stays(tmp_path: Path) -> None:
+    """A sealed box in orbit keeps its own."""
+    _, scenario = written(tmp_path, LOW_ORBIT + "[environment.space]\npressure = '10 [kPa]'\n")
+    assert scenario.environment["*"].pressure.at(np.zeros(1))[0] == 0.0
+    assert scenario.environment["space"].pressure.at(np.zeros(1))[0] == 1e4

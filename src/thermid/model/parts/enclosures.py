@@ -16,7 +16,7 @@ from thermid.model.parts.elements import Enclosure, Surface
 from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.enclosure import exchange_areas_of, factor_faults
+from thermid.physics.enclosure import absorbing_areas, exchange_areas_of, factor_faults
 from thermid.physics.view_factors import SHAPES
 
 SAME_AREA: Final = 0.01
@@ -55,8 +55,24 @@ def enclosure_to(enclosure: Enclosure) -> dict[str, Any]:
     return out | ({"rest": enclosure.rest} if enclosure.rest else {})
 
 
+_Matrix = Callable[[list[Number], list[Number]], list[list[Number]]]
+
+
+def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matrix) -> list[list[Number]]:
+    """Return what a law makes of areas and shares (faces,): floats, numbers with derivatives, or those of members, one after the other."""
+    numbers: tuple[Any, ...] = (*areas, *shares)
+    many: Any = next((x for x in numbers if hasattr(x, "values")), None)
+    if many is not None:
+        sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers])
+        found = np.array([law(list(own[: len(areas)]), list(own[len(areas) :])) for own in sets.T.tolist()])
+        return [[type(many)(np.ascontiguousarray(found[:, i, j])) for j in range(found.shape[2])] for i in range(found.shape[1])]
+    free = max((gradient_of(x, 0).size for x in numbers), default=0)
+    key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in numbers]).tobytes()
+    return memo.made(key, lambda: law(areas, shares), 1)
+
+
 @dataclass(frozen=True, eq=False)
-class _Exchange:
+class FaceExchange:
     """The exchange areas of an enclosure at the values of its faces; the latest are kept, since every pair asks for them."""
 
     path: str
@@ -65,14 +81,53 @@ class _Exchange:
     rest: bool
     where: str
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+    suns: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def at(self, values: Mapping[str, Number]) -> list[list[Number]]:
         """Return the exchange areas (faces, faces), the rest as a last face. [m^2]"""
         areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
         grey = [values[f"{f.path}.emissivity"] for f in self.faces]
-        free = max((gradient_of(x, 0).size for x in (*areas, *grey)), default=0)
-        key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in (*areas, *grey)]).tobytes()
-        return self.memo.made(key, lambda: self._found(areas, grey), 1)
+        return _memorised(self.memo, areas, grey, self._found)
+
+    def absorbed(self, values: Mapping[str, Number]) -> list[list[Number]]:
+        """Return what each face, and the rest as a last one, absorbs of a flux that falls on each first (faces, faces). [m^2]
+
+        Raises
+        ------
+        DeckError   When an absorptance is none, or only exchange factors are given, which hold no reflections of the sun.
+        """
+        areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
+        dark = [values[f"{f.path}.absorptance"] for f in self.faces]
+        return _memorised(self.suns, areas, dark, self._absorbed)
+
+    def _absorbed(self, areas: list[Number], dark: list[Number]) -> list[list[Number]]:
+        for face, number in zip(self.faces, dark, strict=True):
+            # a fit at its bound of 1 may lie a rounding above
+            if not 0.0 <= value_of(number) <= 1.0 + 1e-6:
+                raise DeckError(f"the absorptance of '{face.path}' is {value_of(number):.4g}; give 0 to 1.", self.where)
+        if self.enclosure.exchange_factors:
+            raise DeckError(
+                f"what the sun leaves in '{self.path}' is reflected by view factors, and it has exchange factors, which hold those of heat "
+                "alone. Give view_factors, a shape or places.",
+                self.where,
+            )
+        size, names = np.array([value_of(a) for a in areas]), [f.name for f in self.faces]
+        factors, sized, areas = self._factors(size, names, areas)
+        factor_faults(factors, sized, names, self.where, closed=not self.rest)
+        if not self.rest and all(value_of(a) == 0.0 for a in dark):
+            raise DeckError(f"no face of '{self.path}' absorbs, so the sun in it goes round for ever. Give one an absorptance.", self.where)
+        out = absorbing_areas(factors, areas, dark)
+        if self.rest:
+            first = [sum((row[k] for row in out), 0.0 * out[0][k]) for k in range(len(areas))]
+            out.append([area - taken for area, taken in zip(areas, first, strict=True)])
+        return out
+
+    def _factors(self, size: Array, names: list[str], areas: list[Number]) -> tuple[Array, Array, list[Number]]:
+        """Return the view factors (faces, faces), the areas that they are of, and these as numbers with derivatives."""
+        if not self.enclosure.shape:
+            return np.array(self.enclosure.view_factors), size, areas
+        factors, size = self._of_shape(size, names)
+        return factors, size, list(size.tolist())
 
     def _found(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
         for face, number in zip(self.faces, grey, strict=True):
@@ -85,11 +140,7 @@ class _Exchange:
         names = [f.name for f in self.faces]
         if self.enclosure.exchange_factors:
             return self._imported(areas, size, names)
-        if self.enclosure.shape:
-            factors, size = self._of_shape(size, names)
-            areas = size.tolist()
-        else:
-            factors = np.array(self.enclosure.view_factors)
+        factors, size, areas = self._factors(size, names, areas)
         factor_faults(factors, size, names, self.where, closed=not self.rest)
         if self.rest:
             lost = np.maximum(1.0 - factors.sum(axis=1), 0.0)
@@ -125,7 +176,7 @@ class _Exchange:
 class _Recipe:
     """The law of one pair of faces at some values."""
 
-    exchange: _Exchange
+    exchange: FaceExchange
     first: int
     second: int
 
@@ -134,13 +185,66 @@ class _Recipe:
         return Law("radiation", (STEFAN_BOLTZMANN * self.exchange.at(values)[self.first][self.second],), "radiation")
 
 
-def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, where: str) -> list[Pair]:
+@dataclass(frozen=True, eq=False)
+class SunShare:
+    """What one face, or the rest, absorbs of the sun on another, at some values. [m^2]"""
+
+    exchange: FaceExchange
+    to: int
+    first: int
+
+    def __call__(self, values: Mapping[str, Any]) -> Number:
+        """Return it."""
+        return self.exchange.absorbed(values)[self.to][self.first]
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosed:
+    """A surface in its enclosure: its place among the faces, the enclosure's faces, and the node of the rest, empty without one."""
+
+    place: int
+    exchange: FaceExchange
+    rest: str
+
+    def targets(self) -> list[tuple[str, str, SunShare]]:
+        """Return name, node and share of what absorbs the sun on it: itself first, the other faces, the rest."""
+        faces = [(f.name, f.node) for f in self.exchange.faces] + ([("rest", self.rest)] if self.rest else [])
+        order = [self.place, *(k for k in range(len(faces)) if k != self.place)]
+        return [(*faces[k], SunShare(self.exchange, k, self.place)) for k in order]
+
+    def fields(self) -> dict[str, str]:
+        """Return the parameters that it follows, path -> path.
+
+        Raises
+        ------
+        DeckError   When a face has no absorptance.
+        """
+        out: dict[str, str] = {}
+        for face in self.exchange.faces:
+            if "absorptance" not in face.surface.fields:
+                own = self.exchange.faces[self.place].path
+                raise DeckError(
+                    f"'{own}' stands in the sun in '{self.exchange.path}', and '{face.path}', on which falls what is reflected there, has "
+                    "no absorptance. Give it one; 1 for a black face.",
+                    self.exchange.where,
+                )
+            out |= {p: p for p in (f"{face.path}.area", f"{face.path}.absorptance", *(t.path for t in face.takes))}
+        return out
+
+
+def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
     """Return the radiating pairs of an enclosure.
+
+    Parameters
+    ----------
+    exchange : FaceExchange     Its faces.
+    rest : str              The node of the rest; empty without one.
 
     Raises
     ------
     DeckError   When a face is no surface with an emissivity of its own.
     """
+    path, faces, where = exchange.path, exchange.faces, exchange.where
     for face in faces:
         if face.surface.is_effective or "emissivity" not in face.surface.fields:
             why = "its effective_htc includes radiation already" if face.surface.is_effective else "it has no emissivity"
@@ -152,7 +256,6 @@ def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, whe
                 where,
             )
     fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
-    exchange = _Exchange(path, enclosure, faces, bool(rest), where)
     nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])
     out = []
     for i, (first, a) in enumerate(nodes):

@@ -15,7 +15,7 @@ from thermid.model.laws.signal import Signal
 from thermid.model.laws.stores import HeatStore, potential, store
 from thermid.model.parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
-from thermid.model.parts.enclosures import Face, pairs
+from thermid.model.parts.enclosures import Enclosed, Face, FaceExchange, pairs
 from thermid.model.parts.facing import Facing
 from thermid.model.parts.kinds import KINDS, Law
 from thermid.model.parts.takes import Take
@@ -82,7 +82,10 @@ class FlatConductor:
 
 @dataclass(frozen=True)
 class FlatLoad:
-    """A heat load: field -> parameter path; one that a surface absorbs has the area that joints take, and its flux by the boundaries."""
+    """A heat load: field -> parameter path; one that a surface absorbs has the area that joints take, and its flux by the boundaries.
+
+    `recipe` gives what of a flux is absorbed where reflections between faces count. [m^2]
+    """
 
     path: str
     node: str
@@ -94,6 +97,7 @@ class FlatLoad:
     flux: Callable[[Mapping[str, Signal]], Signal] | None = None
     controls: tuple[str, ...] = ()
     cycle: Signal | None = None
+    recipe: Callable[[Mapping[str, Any]], Any] | None = None
 
     @property
     def follows_temperature(self) -> bool:
@@ -134,6 +138,7 @@ class FlatSurface:
     where: str = ""
     exchange: str = ""
     controls: tuple[str, ...] = ()
+    enclosed: Enclosed | None = None
 
 
 @dataclass(frozen=True)
@@ -196,7 +201,8 @@ def flatten(model: Tree) -> Flat:
             surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
             finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
             conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
-            faces[prefix + name] = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            own = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            faces[prefix + name] = replace(own, enclosed=enclosed.get(prefix + name))
         for name, c in owner.conductors.items():
             key = f"conductors.{name}"
             at = names.seen if c.kind == "radiation" else names.end
@@ -239,28 +245,29 @@ def _takes(model: Tree, names: Names) -> dict[str, list[Take]]:
     return out
 
 
-def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, str], list[FlatConductor]]:
-    """Return surface -> the enclosure that it is a face of, and the radiation between the faces of every enclosure."""
-    enclosed: dict[str, str] = {}
+def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, Enclosed], list[FlatConductor]]:
+    """Return surface -> its place in the enclosure that it is a face of, and the radiation between the faces of every enclosure."""
+    enclosed: dict[str, Enclosed] = {}
     out = []
     for owner, prefix in model.walk():
         for name, enclosure in owner.enclosures.items():
             key = f"enclosures.{name}"
-            faces = []
+            faces: list[Face] = []
             for face, raw in enclosure.faces.items():
                 path, part, part_prefix = names.surface(owner, prefix, raw, f"{key}.faces.{face}")
                 surface = part.surfaces[path.rpartition(".")[2]]
-                if path in enclosed:
+                if path in enclosed or path in [f.path for f in faces]:
+                    first = enclosed[path].exchange.path if path in enclosed else prefix + name
                     raise DeckError(
-                        f"'{raw}' is a face of '{enclosed[path]}' already, so its radiation would count twice. List the "
-                        "surface in one enclosure only.",
+                        f"'{raw}' is a face of '{first}' already, so its radiation would count twice. List the surface in one enclosure only.",
                         owner.where(key),
                     )
-                enclosed[path] = prefix + name
                 node = names.end(part, part_prefix, surface.of, key)
                 faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
             rest = names.seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
-            for pair in pairs(prefix + name, enclosure, faces, rest, owner.where(key)):
+            exchange = FaceExchange(prefix + name, enclosure, faces, bool(rest), owner.where(key))
+            enclosed |= {f.path: Enclosed(k, exchange, rest) for k, f in enumerate(faces)}
+            for pair in pairs(exchange, rest):
                 out.append(FlatConductor(pair.path, "radiation", pair.ends, pair.fields, where=owner.where(key), recipe=pair.recipe))
     return enclosed, out
 

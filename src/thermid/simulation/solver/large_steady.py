@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -82,6 +83,30 @@ def _eliminated(matrix: Any, heat: Array) -> tuple[Array, bool, str]:
     except np.linalg.LinAlgError:
         return np.zeros(heat.size), True, ""
     return np.asarray(cho_solve(factor, heat, check_finite=False)), False, "Cholesky"
+
+
+def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Callable[[Array], Array]:
+    """Return what solves for the rises (nodes,) [K] by heats (nodes,) [W] of a network linearised at temperatures [K], inputs at zero.
+
+    Raises
+    ------
+    SolverError   When a part has no path to a boundary, or the network needs pyamg, which is not installed.
+    """
+    from scipy.sparse.linalg import cg
+    from threadpoolctl import threadpool_limits
+
+    _, slope, pair, *_ = network.problem.heat(temperatures, 0.0)
+    matrix = _Matrix(network).at(slope, pair)
+    if not (matrix.diagonal() > 0).all() or not _held(matrix, slope):
+        raise SolverError(_no_steady(network), where)
+    with threadpool_limits(limits=1):
+        precondition, _ = _preconditioner(matrix, where)
+
+    def solve(heat: Array) -> Array:
+        with threadpool_limits(limits=1):
+            return np.asarray(cg(matrix, heat, rtol=1e-6, maxiter=2000, M=precondition)[0])
+
+    return solve
 
 
 class _Matrix:

@@ -571,34 +571,13 @@ class Wiring:
         start = self.scenario.start
         self.start = Start.of(start, f"{self.scenario.title}, start")
         if self.start is not None:
-            self._check_start(self.start)
+            check_start(self.start, self.cycle, self.changing, self.scenario)
         if start == "":
             if len(self.network.boundaries) != 1:
                 raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
             start = self.network.boundaries[0]
         self._start = self._temperature(start, "start") if self.start is None else STEADY
         self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
-
-    def _check_start(self, start: Start) -> None:
-        """Refuse a start that asks for more of the inputs than the run has."""
-        where, seconds = f"{self.scenario.title}, start", self.scenario.seconds
-        if start.time > seconds > 0.0:
-            raise ScenarioError(f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where)
-        if start.kind == STEADY:
-            return
-        if (self.cycle or 0.0) > seconds * (1.0 + 1e-9):
-            raise ScenarioError(
-                f"the inputs have a period of {self.cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.",
-                where,
-            )
-        if start.kind == PERIODIC and not self.cycle:
-            if not self.changing:
-                raise ScenarioError("a periodic start needs inputs that change in time, and none does. Write start = 'steady'.", where)
-            raise ScenarioError(
-                f"a periodic start needs periodic inputs, but {', '.join(self.changing)} do not repeat. Give a table after = "
-                "'repeat'; the longest period may be at most 1000 times the shortest.",
-                where,
-            )
 
     def _temperature(self, value: Any, key: str) -> Number | str:
         """Return an initial temperature: a number, or the canonical name of a boundary."""
@@ -894,16 +873,12 @@ class Wiring:
         ------
         ScenarioError   When they do not repeat and the run has no duration.
         """
-        span = self.cycle or self.scenario.seconds
-        if self.changing and not span:
-            raise ScenarioError("the mean needs a period, but the inputs do not repeat. Give a duration.", self.scenario.title)
+        span = mean_span(self.changing, self.cycle, self.scenario)
         assert self.structure  # laid out before it is shared
         out = copy(self)
         out.signals = {}
         for name, given in self.signals.items():
-            # a table of one row keeps its place among the coefficients
-            still = TableSignal(np.zeros(1), np.array([given.mean_over(0.0, span)]))
-            out.signals[name] = given if isinstance(given, Constant) else still
+            out.signals[name] = mean_of(given, span)
         return out
 
     @property
@@ -916,19 +891,99 @@ class Wiring:
 
     def held_at(self, time: float) -> str:
         """Return what must be said of a steady state under the inputs of one time, where they change; empty where they do not."""
-        if not self.changing:
-            return ""
-        several = ", ".join(self.changing)
-        return (
-            f"steady with the inputs of {time:g} s, although {several} change{'s' if len(self.changing) == 1 else ''} in time. For "
-            "another state give their mean ('mean'), another time, or the periodic state ('periodic')"
-        )
+        return held_inputs(self.changing, time)
 
     def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:
         """Return the temperature (times,) of a boundary. [K]"""
         signal = self.signals[f"boundary {name}"]
         varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
         return varying + value_of(offsets[name])
+
+
+def mean_of(given: Drawn, span: float) -> Drawn:
+    """Return an input held at its mean over a span from zero [s]; a table of one row keeps its place among the coefficients."""
+    return given if isinstance(given, Constant) else TableSignal(np.zeros(1), np.array([given.mean_over(0.0, span)]))
+
+
+def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> float:
+    """Return over what the means of inputs are taken: the period of all, or the run where they do not repeat. [s]
+
+    Raises
+    ------
+    ScenarioError   When they do not repeat and the run has no duration.
+    """
+    span = cycle or scenario.seconds
+    if changing and not span:
+        raise ScenarioError("a mean over what? The inputs do not repeat; give a duration.", scenario.title)
+    return span
+
+
+def held_inputs(changing: Sequence[str], time: float) -> str:
+    """Return what must be said of a steady state under the inputs of one time [s], where some change; empty where none does."""
+    if not changing:
+        return ""
+    return (
+        f"steady with the inputs of {time:g} s held, while {', '.join(changing)} change{'s' if len(changing) == 1 else ''} in time; "
+        "their mean ('mean'), another time or the state that comes back ('periodic') can be asked for"
+    )
+
+
+def held_means(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> tuple[str, str]:
+    """Return over what means of inputs are held, and what must be said of them; the second is empty where no input changes."""
+    span = f"a period of {cycle:g} s" if cycle else f"{scenario.seconds:g} s"
+    said = f"the means over {span} of {', '.join(changing)} are held; where laws bend, that is not the mean of the temperatures"
+    return span, said if changing else ""
+
+
+def check_start(start: Start, cycle: float | None, changing: Sequence[str], scenario: Scenario) -> None:
+    """Refuse a start that asks for more of the inputs than the run has.
+
+    Parameters
+    ----------
+    start : Start
+    cycle : float           After which all inputs repeat; None where they do not, zero where none changes. [s]
+    changing : sequence     Inputs that change.
+    scenario : Scenario     The run.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    where, seconds = f"{scenario.title}, start", scenario.seconds
+    if start.time > seconds > 0.0:
+        raise ScenarioError(f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where)
+    if start.kind == STEADY:
+        return
+    if (cycle or 0.0) > seconds * (1.0 + 1e-9):
+        raise ScenarioError(f"the inputs repeat after {cycle:g} s, and the run lasts {seconds:g} s. Let it last a period.", where)
+    if start.kind == PERIODIC and not cycle:
+        if not changing:
+            raise ScenarioError("nothing comes back periodically, as no input changes in time. Write start = 'steady'.", where)
+        raise ScenarioError(
+            f"nothing comes back periodically: {', '.join(changing)} do not repeat. A table repeats with after = 'repeat'; "
+            "the longest period is at most a thousand of the shortest.",
+            where,
+        )
+
+
+def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
+    """Return an instant of each combination of levels that signals take up to a time [s], in the order in which they come up. [s]
+
+    Raises
+    ------
+    ScenarioError   When one does not stay on levels, or there are more than `most`.
+    """
+    moving = [name for name, s in signals.items() if not s.held]
+    if moving:
+        raise ScenarioError(f"'{moving[0]}' does not stay on levels; ask for its mean, a time or the periodic state.", title)
+    knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in signals.values())]))
+    knots = knots[(knots >= 0.0) & (knots <= length)]
+    middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
+    rows = np.column_stack([s.at(middles) for s in signals.values()])
+    _, first = np.unique(rows, axis=0, return_index=True)
+    if first.size > most:
+        raise ScenarioError(f"the inputs take {first.size} combinations of levels; {most} at most are looked at.", title)
+    return [float(middles[k]) for k in np.sort(first)]
 
 
 def _shown(name: str) -> str:
