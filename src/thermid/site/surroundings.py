@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from thermid.errors import (ScenarioError, errors_at)
-from thermid.model.laws.signal import (Constant, literal)
+from thermid.errors import ScenarioError, errors_at
+from thermid.model.laws.signal import Constant, literal
 from thermid.network.environment import Environment
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
