@@ -18,8 +18,8 @@ import thermid as td
 from thermid import errors
 from thermid.campaign import schema as campaign_schema
 from thermid.judge.criteria import PLAIN
-from thermid.judge.limits import KEYS as LIMIT_KEYS
 from thermid.judge.metrics import METRICS
+from thermid.judge.schema import LimitTable
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure.readers.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure.record.record import STEPS
@@ -29,10 +29,11 @@ from thermid.model.laws.signal import Sine, TableSignal
 from thermid.model.parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
 from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model.parts.kinds import KINDS
-from thermid.profiles.profile import SLOTS, STEP_KEYS, WORDS
-from thermid.profiles.standards import KEYS
+from thermid.profiles.profile import SLOTS
+from thermid.profiles.schema import ProfileTable, StepTable
 from thermid.qualify import plan_schema
-from thermid.site import pad, surroundings
+from thermid.simulation.scenarios import schema as scenario_schema
+from thermid.site import pad
 from thermid.units import TEMPERATURE
 
 from .pages import ROOT, codes, tables
@@ -61,6 +62,16 @@ ASCENT_UNITS = {
     "walls": TEMPERATURE,
 }
 CAMPAIGN_UNITS = {"window": "s", "sd": ANY, "mean": ANY, "weights": "1", "knee": "1"}
+ORBIT_UNITS = {
+    "perigee": "m",
+    "apogee": "m",
+    "infrared": "W/m^2",
+    "solar": "W/m^2",
+    "beta": "deg",
+    "argument": "deg",
+    "begin": "deg",
+    "albedo": "1",
+}
 STEP_UNITS = {"to": TEMPERATURE, "over": "s", "ramp": "K/s", "pressure": "Pa", "humidity": "1", "dwell": "s"}
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
@@ -155,9 +166,11 @@ def by_heading() -> dict[str, Names]:
         "Gas": _of(_plain(dataclasses.fields(td.Environment)), GAS_UNITS),
         "Irradiation": _of(_plain(dataclasses.fields(td.Irradiation)), IRRADIATION_UNITS),
         "Site": _of(_plain(dataclasses.fields(td.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
-        "Weather of a scenario": _of(surroundings.KEYS["weather"], {"max_gap": "s", "air_temperature": TEMPERATURE}),
-        "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1", "sky": "deg"}),
-        "Ascent of a scenario": _of(surroundings.KEYS["ascent"], ASCENT_UNITS),
+        "Weather of a scenario": _model(scenario_schema.WeatherTable, {"max_gap": "s", "air_temperature": TEMPERATURE}),
+        "Sun of a scenario": _model(scenario_schema.SunTable, {"albedo": "1", "turbidity": "1", "sky": "deg"}),
+        "Ascent of a scenario": _model(scenario_schema.AscentTable, ASCENT_UNITS),
+        "Orbit of a scenario": _model(scenario_schema.OrbitTable, ORBIT_UNITS),
+        "Planet of an orbit": _model(scenario_schema.PlanetTable, {"radius": "m", "attraction": "m^3/s^2", "solar": "W/m^2"}),
         "Wind on a coefficient": _of(pad.WIND, {"length": "m", "calm": "W/(m^2 K)"}),
         "Signal": _of(
             dict.fromkeys(
@@ -184,14 +197,14 @@ def by_heading() -> dict[str, Names]:
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
         "Metrics": _of(METRICS, dict.fromkeys(METRICS, "K")),
         "Criteria": _of(("sensors",)),
-        "Profile": _of([*KEYS, *SLOTS, *WORDS], SLOTS | {"predicted": TEMPERATURE}),
+        "Profile": _model(ProfileTable, SLOTS | {"predicted": TEMPERATURE}),
         "Number of a profile": _of(("value", "mark", "clause", "note"), {"value": ANY}),
-        "Step of a profile": _of(STEP_KEYS, STEP_UNITS),
+        "Step of a profile": _model(StepTable, STEP_UNITS),
         "Study": _model(campaign_schema.StudyFile),
         **{name: _model(getattr(campaign_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
         "Plan": _model(plan_schema.PlanFile),
         **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
-        "Limits of a plan": _of(LIMIT_KEYS, LIMIT_UNITS),
+        "Limits of a plan": _model(LimitTable, LIMIT_UNITS),
         "Criteria of a plan": _of(("each", *PLAIN), {"each": "K", "share": "1"}),
         "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
         "Log of a test": _model(plan_schema.LogTable),

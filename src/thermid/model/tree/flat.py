@@ -259,7 +259,8 @@ def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> t
                 if path in enclosed or path in [f.path for f in faces]:
                     first = enclosed[path].exchange.path if path in enclosed else prefix + name
                     raise DeckError(
-                        f"'{raw}' is a face of '{first}' already, so its radiation would count twice. List the surface in one enclosure only.",
+                        f"'{raw}' is a face of '{first}' already, so its radiation would count twice. "
+                        "List the surface in one enclosure only.",
                         owner.where(key),
                     )
                 node = names.end(part, part_prefix, surface.of, key)

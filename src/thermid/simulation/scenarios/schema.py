@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from thermid.errors import ScenarioError, ThermidError
-from thermid.grammar import Amount, Finite, Flag, SignalField, StrictTable, Whole
+from thermid.grammar import Amount, Finite, Flag, SignalField, StrictTable, Whole, in_form
 
 Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
 
@@ -96,6 +96,31 @@ class AscentTable(StrictTable):
     upper: str | None = None
 
 
+class PlanetTable(StrictTable):
+    """A planet by its figures."""
+
+    radius: Amount
+    attraction: Amount
+    solar: Amount
+
+
+class OrbitTable(StrictTable):
+    """An orbit: what falls on the faces of a box."""
+
+    perigee: Amount
+    albedo: Share
+    infrared: Amount
+    apogee: Amount = None
+    planet: Annotated[Any, in_form(Annotated[str, Field(strict=True)], (PlanetTable, ()))] = "earth"
+    solar: Amount = None
+    beta: Amount = None
+    argument: Amount = None
+    begin: Amount = None
+    attitude: str | None = None
+    faces: dict[str, str | list[str]] | None = None
+    orbits: Annotated[float, Field(strict=True, gt=0.0)] | None = None
+
+
 class ScenarioFile(StrictTable):
     """What is done to a model."""
 
@@ -119,3 +144,4 @@ class ScenarioFile(StrictTable):
     sun: SunTable | None = None
     wind: dict[str, WindTable] | None = None
     ascent: AscentTable | None = None
+    orbit: OrbitTable | None = None
