@@ -14,15 +14,16 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import (
-    ALIKE,
     MOST,
     Discrepancy,
     OperatingPoint,
+    alike,
     coefficient_path,
     constant_coefficients,
     kept_in,
     losing_gas,
     misfit_kept,
+    steady_paths,
 )
 from thermid.fit.problem.experiment import of_a_sensor
 from thermid.fit.regime_runs import kind_of_run
@@ -135,15 +136,14 @@ class Mode:
         return f"{NAMES[self.kind]} {self.path}"
 
 
-def modes_of(kept: Sequence[Discrepancy]) -> tuple[list[Mode], Array]:
+def modes_of(kept: Sequence[Discrepancy], steady: Collection[str] = ()) -> tuple[list[Mode], Array]:
     """Return the coefficient modes of all fits, of two that know one the later's, and their correlations.
 
-    Half of what two surfaces do not follow is the surroundings', half their own (`ALIKE`).
+    Coefficients of `steady` conductors have none: their deck says since that a stream or a solid carries the heat.
     """
-    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items()}
-    modes = list(found.values())
-    alike = [[1.0 if a is b else ALIKE if a.kind == b.kind else 0.0 for b in modes] for a in modes]
-    return modes, np.array(alike).reshape(len(modes), len(modes))
+    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items() if key[0] not in steady}
+    unsaid = {key: size for k in kept for key, size in k.unsaid.items()}
+    return list(found.values()), alike(list(found), unsaid)
 
 
 def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) -> Array:
@@ -156,7 +156,8 @@ def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) ->
             if name in place:
                 out[place[name]] = 0.0  # what an earlier fit found of it was replaced
                 for j, key in enumerate(k.sizes):
-                    out[place[name], column[key]] = k.response[i, j]
+                    if key in column:
+                        out[place[name], column[key]] = k.response[i, j]
     return out
 
 
@@ -614,9 +615,9 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    modes, alike = modes_of(source.kept)
-    make = make.with_modes(modes, alike, responses(source.kept, rows, modes))
     network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    modes, correlations = modes_of(source.kept, steady_paths(network))
+    make = make.with_modes(modes, correlations, responses(source.kept, rows, modes))
     seen = KindsSeen.of(source.provenances)
     misfit = misfit_of([misfit_kept(p) for p in source.provenances], network)
     if seen:  # the output takes only what the deviations of kinds leave

@@ -34,6 +34,9 @@ from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Wiring
 
+PASSES = 3
+"""Runs in which the patterns of coefficients are found: the first at constant coefficients, each further one where the last expects it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Linear:
@@ -97,14 +100,40 @@ class Setting:
         }
         if not budget.modes:
             return cls(budget, ready, carriers)
-        patterns, here = _patterns(budget, ready)
-        wiring = ready.wiring
+        plain = made = cls(budget, ready, carriers)
+        for _ in range(PASSES):
+            made = plain._with_patterns(*made._patterns())
+        return made
+
+    def _with_patterns(self, patterns: Sequence[CoefficientMode], here: Mapping[str, OperatingPoint]) -> Setting:
+        """Return it with the patterns of coefficient modes in a scenario, and the conditions of the coefficients there."""
+        wiring = self.ready.wiring
         network, wide = with_patterns(wiring.network, wiring.scenario, patterns)
         acting = {(p.path, p.kind): tuple(f"scale.{n}" for n in p.names(network.boundaries)) for p in patterns}
-        named = {m.name: acting.get((m.path, m.kind), ()) for m in budget.modes}
-        carriers |= {t: named[t.name] for t in budget.targets if t.form == "mode"}
-        made = Wiring(network, wide, (*ready.free, *(n for names in acting.values() for n in names)))
-        return cls(budget, replace(ready, _wiring=made, _engine=Engine(made)), carriers, here)
+        named = {m.name: acting.get((m.path, m.kind), ()) for m in self.budget.modes}
+        carriers = {**self.carriers} | {t: named[t.name] for t in self.budget.targets if t.form == "mode"}
+        made = Wiring(network, wide, (*self.ready.free, *(n for names in acting.values() for n in names)))
+        return replace(self, ready=replace(self.ready, _wiring=made, _engine=Engine(made)), carriers=carriers, here=here)
+
+    def _patterns(self) -> tuple[tuple[CoefficientMode, ...], dict[str, OperatingPoint]]:
+        """Return the patterns of the modes in the scenario, and the conditions of the coefficients there.
+
+        The run is that of the best values; once there are patterns, that of their means: temperatures that differ by what is expected.
+        """
+        ready, budget = self.ready, self.budget
+        wiring = ready.wiring
+        expected = {n: float(v[0]) for n, v in self.values(budget.means[:, None]).items()} if self.here else {}
+        times, found = courses(wiring, ready.engine, ready.vector(expected) if ready.free else None, ready.options)
+        try:
+            rest, _ = ready.settled(expected)
+            acting = {p: c.ends for p, c in constant_coefficients(wiring.network).items() if p in found}
+            found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
+        except SolverError:
+            pass  # nothing settles, so nobody asks for it
+        means = {m.path: m.law.mean for m in budget.modes if m.kind == "difference"}
+        every = patterns_of(wiring.network, times, found, budget.conditions, wiring.network.numbers().values, means)
+        wanted = {(m.path, m.kind) for m in budget.modes}
+        return tuple(p for p in every if (p.path, p.kind) in wanted), conditions_of([found])
 
     @property
     def still(self) -> dict[str, float]:
@@ -195,19 +224,3 @@ class Setting:
                     turnings[n] = MemberTurnings.alike(trace.turnings, np.zeros(members))
         after = {n: combined(self._after(n)[None, :], sources) for n in nodes}
         return Drawn({n: traces + after[n] for n, traces in found.items()}, {n: t.shifted(after[n][0]) for n, t in turnings.items()}, many)
-
-
-def _patterns(budget: Budget, ready: Simulator) -> tuple[tuple[CoefficientMode, ...], dict[str, OperatingPoint]]:
-    """Return the patterns of a budget's modes in a scenario, and the conditions of its coefficients there."""
-    wiring = ready.wiring
-    network = wiring.network
-    times, found = courses(wiring, ready.engine, ready.vector({}) if ready.free else None, ready.options)
-    try:
-        rest, _ = ready.settled()
-        acting = {p: c.ends for p, c in constant_coefficients(network).items() if p in found}
-        found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
-    except SolverError:
-        pass  # nothing settles, so nobody asks for it
-    every = patterns_of(network, times, found, budget.conditions, network.numbers().values)
-    wanted = {(m.path, m.kind) for m in budget.modes}
-    return tuple(p for p in every if (p.path, p.kind) in wanted), conditions_of([found])
