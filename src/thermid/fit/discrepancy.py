@@ -375,7 +375,7 @@ class Discrepancy:
             {p: (float(hot), float(cold)) for p, (hot, cold) in data["surfaces"].items()},
             tuple(data["separated"]),
             {p: np.array(moved, dtype=float) for p, moved in data.get("assumed", {}).items()},
-            {(m["path"], m["kind"]): float(m.get("unsaid", 0.0)) for m in modes},
+            {(m["path"], m["kind"]): float(m["unsaid"]) for m in modes if m.get("unsaid")},
         )
 
     @cached_property

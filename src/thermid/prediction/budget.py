@@ -362,6 +362,7 @@ class Budget:
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
     followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
+    whole : Budget or None          Before modes were left out of it: the temperatures that are expected, at which modes act, are its.
     """
 
     model: Model
@@ -377,6 +378,7 @@ class Budget:
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
     followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    whole: Budget | None = None
 
     @classmethod
     def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
@@ -553,6 +555,7 @@ class Budget:
         kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & {*names}]
         gain = self.gain[:, kept]
         acting = [k for k, row in enumerate(gain) if row.any()]
+        modes = tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting))
         return replace(
             self,
             sources=tuple(self.sources[k] for k in kept),
@@ -560,7 +563,8 @@ class Budget:
             alike=self.alike[np.ix_(kept, kept)],
             targets=tuple(self.targets[k] for k in acting),
             gain=gain[acting],
-            modes=tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting)),
+            modes=modes,
+            whole=self.whole or (self if len(modes) < len(self.modes) else None),
         )
 
 
@@ -664,7 +668,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
         moved = set(network.flat.parameters.downstream(paths))
         constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
         if constant:
-            out.append(LeftOut(f"what constant coefficients leave out of {_listed(constant)}: the values of '{stage}' do not say it"))
+            out.append(LeftOut(f"what constant coefficients leave out of {listed(constant)}: the values of '{stage}' do not say it"))
     if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
         out.append(LeftOut(SILENT))
     out += [x for s in known.stores for x in s.left_out]
@@ -673,15 +677,15 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
     taken = [*whole.spread, *known.assigned]
     closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
     if closed:
-        out.append(LeftOut(f"radiation without gas of {_listed(closed)}: no record says at which temperatures its coefficient holds"))
+        out.append(LeftOut(f"radiation without gas of {listed(closed)}: no record says at which temperatures its coefficient holds"))
     if not known.values:
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
     if once:
-        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({_listed(once)})", listed=True))
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({listed(once)})", listed=True))
     given = _given(whole)
     if given:
-        out.append(LeftOut(f"inputs that nobody spread ({_listed(given)})", listed=True))
+        out.append(LeftOut(f"inputs that nobody spread ({listed(given)})", listed=True))
     return tuple(out)
 
 
@@ -739,7 +743,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({_listed([a.path for a in loose])})"
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({listed([a.path for a in loose])})"
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
@@ -802,5 +806,6 @@ def first_line(left_out: Sequence[LeftOut], error: float) -> str:
     return f"not counted: {'; '.join(words)}" if words else ""
 
 
-def _listed(paths: Sequence[str]) -> str:
+def listed(paths: Sequence[str]) -> str:
+    """Return the first three of several paths, and how many more there are."""
     return ", ".join(f"'{p}'" for p in paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

@@ -167,3 +167,18 @@ def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_pat
 def test_a_course_may_not_have_the_name_of_a_load(tmp_path: Path) -> None:
     with pytest.raises(td.ThermidError, match="'heat' is a load of the deck; a course adds to it under a name of its own"):
         td.run_stages(gyro(tmp_path, "step", COURSE.replace("start_up", "heat")))
+
+
+def test_a_search_that_cannot_begin_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error of the first run ended without a word, as if a search had found nothing."""
+    from thermid.errors import SolverError
+    from thermid.explain import mistakes
+
+    def broken(*_: object, **__: object) -> None:
+        raise SolverError("the run of 'bench' did not reach its end.")
+
+    monkeypatch.setattr(mistakes.RoughFit, "solve", broken)
+    found = find_mistakes(asked())
+    assert found.failed == "the run of 'bench' did not reach its end."
+    assert found.lines() == ["mistakes in log or deck were not looked for: the run of 'bench' did not reach its end."]
+    assert found.to_dict()["failed"] == found.failed

@@ -10,7 +10,7 @@ import pytest
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import EXPONENT, Discrepancy, discrepancy, operating_points
+from thermid.fit.discrepancy import EXPONENTS, UNSAID, Discrepancy, discrepancy, operating_points
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model
@@ -116,7 +116,7 @@ def test_what_the_deck_knows_is_used() -> None:
     share = of_fit.means["skin", "level"]
     assert share == pytest.approx(0.5 * 5.670374e-8 * 4 * of_fit.conditions["skin"].level ** 3 / emissive[HTC].value)
     assert of_fit.sizes["skin", "level"] == pytest.approx(0.15 * share)
-    assert of_fit.means["skin", "difference"] == pytest.approx(EXPONENT / 2 * (1 - share))
+    assert of_fit.means["skin", "difference"] == pytest.approx(UNSAID * np.mean(EXPONENTS) * (1 - share))
     known = lawful()
     exact = calibrate(known, bench(known), ["skin.htc.coefficient", MASS])
     assert discrepancy(exact).sizes == {}
@@ -127,14 +127,16 @@ def test_radiation_that_nobody_has_stated_is_said_to_shift_too_far() -> None:
     """Bare metal in a hot room: the guess makes it worse than no shift would, and says so; with the finish it is right and silent."""
     truth, hot = lawful(0.25, 0.05), FAR.with_(loads={"heat": "4 [W]"})
     end = simulate(truth, hot)["case"].final
-    known = calibrate(box({"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
-    guessed, told = (predict(c, hot) for c in (fitted(truth), known))
+    still = {"surfaces/skin/carried_by": "free air"}
+    bare = calibrate(box(still), bench(truth), [HTC, MASS])
+    known = calibrate(box(still | {"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
+    guessed, told = (predict(c, hot) for c in (bare, known))
     plain = predict(fitted(truth), hot, discrepancy=False)["case"].final.celsius
     assert abs(guessed["case"].final.celsius - end) > abs(plain - end)
     assert abs(told["case"].final.celsius - end) < 0.5 * abs(plain - end)
     (warning,) = guessed.warnings
     assert "for radiation that nobody has stated: any emissivity from 0 to 0.95 is taken as equally likely" in warning
-    assert warning.endswith("Say the finish, or the emissivity, of skin.")
+    assert warning.endswith("Say the finish, or the emissivity, of 'skin'.")
     assert told.warnings == ()
 
 
