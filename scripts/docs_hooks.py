@@ -119,14 +119,21 @@ def commands() -> str:
         "# Command line",
         "What each command takes; `thermid COMMAND --help` says the same. [Files and commands](files.md) shows them at work.",
     ]
+    of = ""
     for name, command in group.commands.items():
+        place = cli.COMMANDS[name]
+        parts += [f"## {place.group}"] if place.group != of else []
+        of = place.group
         context = command.make_context(name, [], resilient_parsing=True)
         command = context.command  # the summary of the table gives way to the command itself
         usage = context.get_usage().removeprefix("Usage: ")
         rows = [record for record in (one.get_help_record(context) for one in command.params) if record]
         lines = "\n".join(f"| `{words}` | {_clean(meaning)} |" for words, meaning in rows)
         table = f"| argument or option | meaning |\n|---|---|\n{lines}"
-        parts += [f"## {name}", _clean(command.help or ""), f"```sh\nthermid {usage}\n```", table]
+        shown = "\n".join(place.examples)
+        parts += [f"### {name}", _clean(command.help or ""), f"```sh\nthermid {usage}\n```", f"```sh\n{shown}\n```", table]
+    codes = "\n".join(f"| {code} | {meaning} |" for code, meaning in cli.EXITS.items())
+    parts += ["## Exit codes", f"| exit code | meaning |\n|---|---|\n{codes}"]
     return "\n\n".join(parts) + "\n"
 
 
@@ -150,7 +157,7 @@ DECISIONS = {
     "interop": "23 194",
     "estimation and watch": "180 181 182 183 184",
     "start": "188",
-    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 215 220 221 222",
 }
 """Rooms -> numbers of the decisions about them; what stands nowhere is about the project as a whole."""
 

@@ -81,6 +81,10 @@ class MissingDataError(RecordError):
     """A log is not where the campaign says; the message says how to get it."""
 
 
+class MissingExtraError(ThermidError, ImportError):
+    """An optional package is not installed; the message says which command installs it."""
+
+
 class SolverError(ThermidError):
     """The integration or the steady solution ended before it was done."""
 

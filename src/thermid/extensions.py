@@ -5,11 +5,13 @@ This table and the public names of `thermid/__init__.py` are all that names a pa
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, Final
 
-from thermid.errors import ThermidError
+from thermid.errors import MissingExtraError, ThermidError, quoted
 
 POINTS: Final = {
     "surroundings of a scenario file": ("thermid.site", "surroundings", "surrounded"),
@@ -34,3 +36,56 @@ def extension(point: str, where: str) -> Callable[..., Any]:
             raise
         raise ThermidError(f"{point} needs the part {part}, which is not installed. Install the whole of thermid.", where) from None
     return getattr(loaded, function)  # type: ignore[no-any-return]
+
+
+DISTRIBUTIONS: Final = {"serial": "pyserial", "nptdms": "npTDMS", "python_calamine": "python-calamine"}
+"""Module -> the package that brings it, where the names differ."""
+
+
+def missing(modules: Sequence[str], purpose: str) -> str:
+    """Return that packages are not installed, and the command that installs them: the same for a clone, a wheel and any environment.
+
+    Parameters
+    ----------
+    modules : sequence of str   Names of modules, as they are imported.
+    purpose : str               What needs them.
+    """
+    parts = [name for name in modules if name.partition(".")[0] == "thermid"]
+    if parts:
+        return f"{purpose} needs the part {parts[0]}, which is not installed. Install the whole of thermid."
+    packages = [DISTRIBUTIONS.get(name, name) for name in modules]
+    verb = "are" if len(packages) > 1 else "is"
+    python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
+    return f"{purpose} needs {quoted(packages)}, which {verb} not installed. Install with: {python} -m pip install {' '.join(packages)}"
+
+
+def require(extra: str, purpose: str) -> None:
+    """Refuse to begin where a package of an extra is not installed.
+
+    Parameters
+    ----------
+    extra : str     Name of an extra of pyproject.toml.
+    purpose : str   What needs it, such as ``--figure``.
+
+    Raises
+    ------
+    MissingExtraError   With the command that installs what is missing.
+    """
+    modules = [name for name in modules_of(extra) if sys.modules.get(name, name) is None or find_spec(name) is None]
+    if modules:
+        raise MissingExtraError(missing(modules, purpose))
+
+
+def modules_of(extra: str) -> list[str]:
+    """Return the modules that an extra brings, by the metadata of the installed thermid; none where it has no metadata."""
+    import re
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        asked = requires("thermid") or []
+    except PackageNotFoundError:
+        return []
+    known = {package: module for module, package in DISTRIBUTIONS.items()}
+    names = [text for text in asked if re.search(rf"extra == ['\"]{extra}['\"]", text)]
+    packages = [re.split(r"[^\w.-]", name, maxsplit=1)[0] for name in names]
+    return [known.get(name, name) for name in packages]

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from docs.pages import NUMBER, near
+from thermid.cli.summary import show_campaign
 from webpage import faults, without_script
 
 pytestmark = [pytest.mark.campaign, pytest.mark.document]
@@ -130,3 +131,15 @@ def test_every_figure_of_the_written_study_is_there(modules: dict[str, ModuleTyp
     assert len(named) >= 9
     assert sorted(set(named)) == sorted(p.name for p in (WRITTEN / "figures").iterdir())
     assert all((WRITTEN / "figures" / n).stat().st_size < 60_000 for n in named)
+
+
+@pytest.mark.parametrize("columns", [80, 100])
+def test_the_study_fits_on_a_screen(done: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    names = [f"{stage}.values.toml" for stage in done.constant]
+    show_campaign(done.constant, names)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 45
+    assert max(map(len, lines)) <= columns
+    assert all(any(line.startswith(f"{stage}: ") for line in lines) for stage in done.constant)
+    assert sum(" on " in line and "; " in line for line in lines) == len(done.constant.verdicts)

@@ -14,123 +14,253 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
-from thermid.errors import ThermidError
+from thermid.cli.screen import show
+from thermid.errors import MissingExtraError, ThermidError
+from thermid.extensions import missing
 from thermid.files import command
 
 
 class Place(NamedTuple):
-    """Where a command stands: its function below `thermid.cli`, the beginning of its help, the extra that it needs."""
+    """Where a command stands: its function below `thermid.cli`, its group and line in the help, examples, the extra of its part."""
 
     function: str
+    group: str
     summary: str
+    examples: tuple[str, ...]
     extra: str = ""
 
 
+GROUPS = ("Start", "Build", "Fit", "Predict", "Qualify", "Bench", "Exchange")
+"""Groups of commands, in the order of work."""
+
+
 COMMANDS = {
-    "check": Place(
-        "build.check", "Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."
+    "example": Place(
+        "start.example",
+        "Start",
+        "Copy a shipped example with its data into a new folder.",
+        ("thermid example", "thermid example tclab --to lab"),
     ),
-    "simulate": Place("build.simulate", "Run a model in a scenario and print where its temperatures go."),
+    "look": Place(
+        "logs.look",
+        "Start",
+        "Show layout, clock, gaps, faults and columns of logs.",
+        ("thermid look bench.csv", "thermid look a.csv b.csv --time stamp --json"),
+    ),
+    "init": Place(
+        "start.init",
+        "Start",
+        "Propose a model for a log; write deck, scenario and campaign.",
+        ("thermid init bench.csv --to project", "thermid init --template box --to project"),
+    ),
+    "studio": Place(
+        "studio.studio",
+        "Start",
+        "Open a deck or campaign as a page on this machine.",
+        ("thermid studio campaign.toml", "thermid studio box.toml --port 8000 --no-browser"),
+        "studio",
+    ),
+    "check": Place(
+        "build.check",
+        "Build",
+        "Check a deck or campaign for errors and questionable values.",
+        ("thermid check campaign.toml", "thermid check box.toml --verbose"),
+    ),
+    "simulate": Place(
+        "build.simulate",
+        "Build",
+        "Run a model in a scenario and print its temperatures.",
+        (
+            "thermid simulate box.toml --scenario hot.toml --csv hot.csv",
+            "thermid simulate box.toml --boundary air=24 --for '2 [h]' --at '1 [h]'",
+        ),
+    ),
     "steady": Place(
         "build.steady_state",
-        "Print where a model settles: temperatures with margins, sorted; with --flows where its heat goes.",
+        "Build",
+        "Print steady temperatures and their margins, least margin first.",
+        (
+            "thermid steady box.toml --boundary air='40 [degC]' --flows",
+            "thermid steady box.toml --scenario hot.toml --limit '*.case=-40..85'",
+        ),
+    ),
+    "diagram": Place(
+        "build.diagram",
+        "Build",
+        "Draw a model as SVG: masses, conductors, loads, boundaries.",
+        ("thermid diagram box.toml --to box.svg", "thermid diagram box.toml --map --to map.svg"),
+    ),
+    "moisture": Place(
+        "site.moisture",
+        "Build",
+        "Print the margin to the dew point of every surface.",
+        ("thermid moisture box.toml --scenario pad.toml --humidity air='60 [%]'",),
+        "site",
+    ),
+    "htc": Place(
+        "build.htc",
+        "Build",
+        "Compare a measured coefficient with that of correlations.",
+        ("thermid htc --power 2 --area 0.1 --surface 36 --ambient 24 --height 0.025",),
+    ),
+    "schema": Place(
+        "build.schema", "Build", "Print the JSON Schema of a file, for editors.", ("thermid schema deck", "thermid schema campaign")
+    ),
+    "identify": Place(
+        "fit.identify",
+        "Fit",
+        "Show which parameters the logs can identify, before a fit.",
+        ("thermid identify campaign.toml --stage box", "thermid identify campaign.toml --after"),
     ),
     "calibrate": Place(
         "fit.calibrate",
-        "Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell.",
+        "Fit",
+        "Fit the stages of a campaign to logs and judge hold-out records.",
+        ("thermid calibrate campaign.toml", "thermid calibrate campaign.toml --data logs --to results -v"),
     ),
-    "criticise": Place("explain.criticise", "Test the residuals of a fit, and try missing elements in refits where they are not noise."),
+    "report": Place(
+        "fit.report",
+        "Fit",
+        "Run a campaign and write its report as a page, a PDF or both.",
+        ("thermid report campaign.toml --to report.html", "thermid report campaign.toml --to report.pdf"),
+    ),
+    "criticise": Place(
+        "explain.criticise",
+        "Fit",
+        "Test the residuals of a fit and try missing elements.",
+        ("thermid criticise campaign.toml --stage box",),
+    ),
     "plausibility": Place(
-        "explain.plausibility", "Compare fitted values with correlations and physical ranges. Exit code 1 if one is not physical."
+        "explain.plausibility",
+        "Fit",
+        "Compare fitted values with correlations and physical ranges.",
+        ("thermid plausibility campaign.toml --weight case='0.41 [kg]'",),
     ),
-    "report": Place("fit.report", "Run a campaign and write its report page, its PDF, or both."),
-    "schema": Place("build.schema", "Print the JSON Schema of a file, for editors."),
-    "studio": Place(
-        "studio.studio", "Open a deck or campaign as a page on this machine: sliders, levels, scenarios, a log that grows.", "studio"
+    "improve": Place(
+        "start.improve",
+        "Fit",
+        "Search for a better structure of a stage and write its files.",
+        ("thermid improve campaign.toml --stage box --seconds 120",),
     ),
-    "diagram": Place("build.diagram", "Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."),
+    "estimate": Place(
+        "fit.estimate",
+        "Fit",
+        "Fit a stage with process noise and compare its forecasts.",
+        ("thermid estimate campaign.toml --noise wall=free --horizon '30 [min]'",),
+    ),
+    "credibility": Place(
+        "fit.credibility",
+        "Fit",
+        "List source, state, tests, date and range of every value.",
+        ("thermid credibility campaign.toml --to credibility.json",),
+    ),
+    "swap": Place(
+        "fit.swap",
+        "Fit",
+        "Plan the replacement of a part: which tests and fits are due.",
+        ("thermid swap campaign.toml pre.ele EleGFO_v2.toml", "thermid swap campaign.toml pre.ele EleGFO_v2.toml --new-data logs"),
+    ),
+    "predict": Place(
+        "fit.predict",
+        "Predict",
+        "Predict a scenario with a fitted stage, with 95 % bands.",
+        ("thermid predict campaign.toml --scenario hot.toml --at '1 [h]'", "thermid predict campaign.toml --record 'bench_*'"),
+    ),
+    "hold": Place(
+        "fit.hold",
+        "Predict",
+        "Compute how long limits are kept, with probabilities.",
+        ("thermid hold hold.toml", "thermid hold hold.toml --members 2000 --figure hold.svg"),
+    ),
+    "profile": Place(
+        "qualify.profile",
+        "Qualify",
+        "Print an environmental test profile, or run it on a deck.",
+        ("thermid profile", "thermid profile SMC-S-016 'unit thermal cycle' --lowest -5 --highest 40"),
+    ),
+    "plan": Place(
+        "qualify.plan", "Qualify", "Predict each test of a qualification plan; lock the plan.", ("thermid plan plan.toml --lock",)
+    ),
+    "qualify": Place(
+        "qualify.qualify",
+        "Qualify",
+        "Run a qualification plan: limits, margins and verdicts on logs.",
+        ("thermid qualify plan.toml --to report.html",),
+    ),
+    "correlate": Place(
+        "qualify.correlate",
+        "Qualify",
+        "Compare measured and simulated logs against criteria.",
+        ("thermid correlate measured.csv simulated.csv --steady 3600:7200 --to page.html",),
+    ),
+    "deliver": Place(
+        "qualify.deliver",
+        "Qualify",
+        "Write a delivery folder: decks, values, reduced deck, checks.",
+        ("thermid deliver box.toml --scenario hot.toml --to delivery", "thermid deliver delivery --check"),
+    ),
+    "log": Place(
+        "bench.log",
+        "Bench",
+        "Log sensors and heaters of a bench to disk, with faults marked.",
+        ("thermid log bench.log --sensors sensors.toml", "thermid log trial.log --simulate --for '1 [min]'"),
+        "log",
+    ),
+    "watch": Place(
+        "watch.watch",
+        "Bench",
+        "Watch a running test: when to stop, and what went wrong.",
+        ("thermid watch bench.log --model box.toml --scenario bench.toml", "thermid watch bench.csv --once"),
+    ),
+    "settle": Place(
+        "logs.settle",
+        "Bench",
+        "Check whether a log is stable and forecast where it ends.",
+        ("thermid settle bench.csv --rule '3 C/h'", "thermid settle bench.csv --channel T1 --within '0.5 [K]'"),
+    ),
     "import": Place(
-        "exchange.import_file", "Read a deck of SINDA or ESATAN as a model and a scenario, or the values of an InitFcn script.", "symbolic"
-    ),
-    "write-back": Place(
-        "exchange.write_back",
-        "Write fitted values into copies of a SINDA or ESATAN deck: equal but for the numbers that changed, each with a comment.",
+        "exchange.import_file",
+        "Exchange",
+        "Read a SINDA or ESATAN deck, or an InitFcn script.",
+        ("thermid import unit.inp --to unit.toml --scenario unit_case.toml",),
         "symbolic",
     ),
     "export": Place(
         "exchange.export",
-        "Write a model in a scenario for another tool: Octave or MATLAB, SPICE, SINDA, ESATAN.",
+        "Exchange",
+        "Write a model for Octave, MATLAB, C, SPICE, SINDA or ESATAN.",
+        ("thermid export box.toml --as spice --scenario hot.toml --to box.cir",),
         "symbolic",
     ),
-    "equations": Place("exchange.equations", "Derive the state equations of a linear model as symbols (needs sympy).", "symbolic"),
-    "htc": Place(
-        "build.htc",
-        "Compare the coefficient that a settled test shows with the one of correlations, and say what their difference can mean.",
+    "write-back": Place(
+        "exchange.write_back",
+        "Exchange",
+        "Write fitted values into copies of a SINDA or ESATAN deck.",
+        ("thermid write-back unit.inp unit.toml --values unit.values.toml --to fitted",),
+        "symbolic",
     ),
-    "log": Place(
-        "bench.log",
-        "Log a bench: every line on disk before the next is read; faults, resets and cable pulls are marks, and it goes on.",
-        "log",
-    ),
-    "look": Place(
-        "logs.look",
-        "Show layout, clock, gaps, faults and columns of logs, and the lines for a campaign. Exit code 2 if times cannot be read.",
-    ),
-    "predict": Place("fit.predict", "Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."),
-    "swap": Place(
-        "fit.swap", "Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."
-    ),
-    "moisture": Place(
-        "site.moisture", "Say of every surface its margin to the dew point, the minutes of condensation, and when it is dry.", "site"
-    ),
-    "credibility": Place("fit.credibility", "Say of every value its source, state, level, tests, date, range and origin."),
-    "identify": Place(
-        "fit.identify", "Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."
-    ),
-    "estimate": Place(
-        "fit.estimate",
-        "Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon.",
-    ),
-    "profile": Place(
-        "qualify.profile",
-        "Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit.",
-    ),
-    "settle": Place(
-        "logs.settle",
-        "Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide.",
-    ),
-    "watch": Place(
-        "watch.watch",
-        "Watch a running test: when to stop, what nobody measures, what went wrong. Exit code 0 at a stop, 1 with an alarm, 4 if declined.",
-    ),
-    "plan": Place("qualify.plan", "Say what a plan predicts of each test, and whether it stands as it was locked."),
-    "qualify": Place(
-        "qualify.qualify",
-        "Work a plan through: limits, margins, and the verdict on every log. Exit code 1 if something is not met, 4 if not decided.",
-    ),
-    "correlate": Place(
-        "qualify.correlate",
-        "Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors. Exit code 1 if not met, 4 if open.",
-    ),
-    "hold": Place(
-        "fit.hold",
-        "Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.",
-    ),
-    "init": Place("start.init", "Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."),
-    "improve": Place(
-        "start.improve", "Search for the next structure of a stage; write deck and campaign with it, before and after side by side."
-    ),
-    "example": Place(
-        "start.example", "Copy a shipped example with its data into a new folder; published measurements are fetched and checked."
-    ),
-    "deliver": Place(
-        "qualify.deliver", "Write decks, values, a reduced deck and what must come out into a folder, and check it from there."
+    "equations": Place(
+        "exchange.equations",
+        "Exchange",
+        "Derive the state equations of a linear model as symbols.",
+        ("thermid equations box.toml --as latex --to box.tex",),
+        "symbolic",
     ),
 }
 """Command word -> where the command stands, in the order of the help."""
 
 INTERRUPTED = 130
 """Exit code after the interrupt key, as shells have it."""
+EXITS = {
+    0: "done; every verdict passed; the values used are credible or unjudged",
+    1: "a verdict failed or was not judged; or values used are not credible",
+    2: "bad input: an option, file, name, unit, scenario, log; or no extra",
+    3: "a run ended before its time, or nothing balances",
+    4: "the data cannot decide what was asked",
+    5: "the answer rests on values that are not adequate",
+    INTERRUPTED: "stopped by the interrupt key; files that were complete remain",
+}
+"""Exit code -> what it means, for every command; where several hold, 2, 3, 4, 1, 5 is the order of precedence."""
 
 
 class OnDemand(TyperCommand):
@@ -149,7 +279,7 @@ class OnDemand(TyperCommand):
 
         Raises
         ------
-        ThermidError   When an optional part of thermid that it needs is not installed.
+        MissingExtraError   When an optional part of thermid that it needs is not installed.
         """
         module, _, function = self.place.function.partition(".")
         try:
@@ -157,10 +287,10 @@ class OnDemand(TyperCommand):
         except ModuleNotFoundError as error:
             if not self.place.extra:
                 raise
-            raise ThermidError(
-                f"'{self.name}' needs {error.name}, which is not installed: pip install 'thermid[{self.place.extra}]'."
-            ) from error
-        return get_command_from_info(CommandInfo(name=self.name, callback=callback), pretty_exceptions_short=False, rich_markup_mode=None)
+            raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
+        lines = "\n".join(f"  {example}" for example in self.place.examples)
+        info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\nExit codes: see thermid --help.")
+        return get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
 
 
 class Commands(TyperGroup):
@@ -171,13 +301,28 @@ class Commands(TyperGroup):
         for word, place in COMMANDS.items():
             self.add_command(OnDemand(word, place))
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands by group, each with its whole line."""
+        width = max(map(len, COMMANDS)) + 2
+        for group in GROUPS:
+            with formatter.section(group):
+                for word, place in COMMANDS.items():
+                    if place.group == group:
+                        formatter.write(f"{'':{formatter.current_indent}}{word:<{width}}{place.summary}\n")
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the table of exit codes."""
+        with formatter.section("Exit codes"):
+            for code, meaning in EXITS.items():
+                formatter.write(f"{'':{formatter.current_indent}}{code:<5}{meaning}\n")
+
 
 app = typer.Typer(
     name="thermid",
     cls=Commands,
-    help="Lumped thermal models of equipment: built part by part, fitted to logs level by level, and asked about the rest.",
+    help="Lumped thermal models of equipment: build them part by part, fit them to logs, predict, qualify.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -185,7 +330,7 @@ app = typer.Typer(
 
 
 def _say_version(wanted: bool) -> None:
-    """Print the version and leave."""
+    """Print the version and end."""
     if wanted:
         typer.echo(f"thermid {version_of('thermid')}")
         raise typer.Exit
@@ -194,7 +339,7 @@ def _say_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and leave.")] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
     context.with_resource(command())
 
@@ -224,8 +369,9 @@ def _run() -> None:
     except OSError as error:
         _fail(ThermidError(_refused(error)), as_json)
     except ImportError as error:
-        # netCDF and the report page stand on packages that a plain installation does not bring
-        _fail(ThermidError(f"{str(error).strip(' .')}. Install thermid with its extras: thermid[report,export]."), as_json)
+        if error.name is None or error.name.partition(".")[0] == "thermid":
+            raise
+        _fail(ThermidError(missing([error.name.partition(".")[0]], "this command")), as_json)
     except Exception as error:
         if not hasattr(error, "format_message"):
             raise
@@ -252,5 +398,5 @@ def _fail(error: ThermidError, as_json: bool) -> NoReturn:
     if as_json:
         typer.echo(json.dumps({"schema": 1, "status": "error", "message": error.message, "where": error.where}))
     else:
-        typer.echo(f"error: {error}", err=True)
+        show(f"error: {error}", err=True)
     raise SystemExit(error.exit_code)

@@ -24,6 +24,7 @@ from thermid.acquire.guide import tell_apart
 from thermid.acquire.logger import Logger, Settings
 from thermid.acquire.port import check_port, find_port
 from thermid.errors import RecordError
+from thermid.extensions import require
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
@@ -61,7 +62,12 @@ def log(
     ] = False,
     simulate: Annotated[bool, typer.Option("--simulate", help="No hardware: three made-up sensors at 60 times their speed.")] = False,
 ) -> None:
-    """Log a bench: every line on disk before the next is read; faults, resets and cable pulls are marks, and it goes on."""
+    """Log sensors and heaters of a bench to disk, with faults marked.
+
+    Every line is on disk before the next is read. Faults, resets and cable pulls are marked, and logging goes on.
+    """
+    if not simulate:
+        require("log", "a serial port")
     settings = Settings(
         positive_seconds(interval, "--interval"),
         bits,

@@ -65,7 +65,10 @@ def check(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every finding of a deck, not the four most important.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Check a deck or campaign, with its logs, for errors and questionable values. Exit code 2 if it cannot be used."""
+    """Check a deck or campaign for errors and questionable values.
+
+    A campaign is checked with its logs. Exit code 2 if it cannot be used.
+    """
     campaign = "stages" in read_toml(deck)[0]
     inputs: dict[str, InputTable] = {}
     if campaign:
@@ -111,7 +114,10 @@ def simulate(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Run a model in a scenario and print where its temperatures go."""
+    """Run a model in a scenario and print its temperatures.
+
+    The answer holds final temperatures, time constants and the heat balance; --csv and --netcdf write the whole run.
+    """
     model = fitted_model(deck, values, keep_values, param)
     model = model.without_test_only() if as_flown else model
     standing = model_standing(model).accept(accept or ())
@@ -158,7 +164,10 @@ def steady_state(
     accept: Accept = None,
     as_json: Json = False,
 ) -> None:
-    """Print where a model settles: temperatures with margins, sorted; with --flows where its heat goes."""
+    """Print steady temperatures and their margins, least margin first.
+
+    --flows adds where the heat goes: between groups, by node and by conductor.
+    """
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
     limits = {pattern: _ends(text, pattern) for pattern, text in pairs(limit, "--limit").items()}
@@ -202,7 +211,10 @@ def diagram(
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
     as_map: Annotated[bool, typer.Option("--map", help="Every node on one page, for decks of 25 to 80 nodes.")] = False,
 ) -> None:
-    """Draw a model as SVG: masses, conductors by kind, loads, boundaries, submodels as boxes."""
+    """Draw a model as SVG: masses, conductors, loads, boundaries.
+
+    Submodels are drawn as boxes; --fold draws one as a single mass, --map puts every node on one page.
+    """
     if to.suffix.lower() != ".svg":
         raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
     if as_map and fold:
@@ -237,7 +249,10 @@ def htc(
     settled_after: Annotated[str | None, typer.Option("--settled-after", help="When the test looked settled, s or '4 [h]'.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Compare the coefficient that a settled test shows with the one of correlations, and say what their difference can mean."""
+    """Compare a measured coefficient with that of correlations.
+
+    The test must have settled. The answer says what a difference between the two can mean.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ThermidWarning)  # they stand among the remarks
         comparison = compare_htc(

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from thermid.campaign.stages import run_stages
-from thermid.cli.options import CampaignPath, Data, Json, Results, leave, pairs, say
+from thermid.cli.options import CampaignPath, Data, Json, Results, leave, pairs, say, staged
+from thermid.cli.screen import working
 from thermid.errors import NameNotFoundError, nearest
 from thermid.explain import criticism
 from thermid.explain import plausibility as ranges
@@ -26,7 +26,7 @@ def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -
     ------
     NameNotFoundError   When no stage of that name was fitted to logs.
     """
-    done = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results").stages
+    done = staged(campaign, data, results).stages
     fitted = {name: fit for name, fit in done.items() if fit.records}
     if not stage:
         return fitted
@@ -44,9 +44,16 @@ def criticise(
     results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Test the residuals of a fit, and try missing elements in refits where they are not noise."""
+    """Test the residuals of a fit and try missing elements.
+
+    Missing elements are tried in refits where the residuals are more than noise.
+    """
     fits = _fits(campaign, stage, data, results)
-    found = {name: criticism.criticise(fit, elements=True if everything else None) for name, fit in fits.items()}
+    found = {}
+    with working("") as progress:
+        for k, (name, fit) in enumerate(fits.items()):
+            progress.now(f"refits of stage {name}", k / len(fits))
+            found[name] = criticism.criticise(fit, elements=True if everything else None)
     say(as_json, {"stages": {n: c.to_dict() for n, c in found.items()}}, "\n\n".join(map(str, found.values())))
     leave(worst(f.standing for f in fits.values()))
 
@@ -64,7 +71,10 @@ def plausibility(
     results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Compare fitted values with correlations and physical ranges. Exit code 1 if one is not physical."""
+    """Compare fitted values with correlations and physical ranges.
+
+    Exit code 1 if a value is not physical.
+    """
     weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
     fits = _fits(campaign, stage, data, results)
     found = {name: ranges.plausibility(fit, weights=weights, delivered=powers) for name, fit in fits.items()}

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
 import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import typer
 
@@ -17,10 +15,11 @@ from thermid.campaign import credibility as origins
 from thermid.campaign.cache import file_name
 from thermid.campaign.file import local_of, read_campaign, scenario_of
 from thermid.campaign.retune import plan_retune
-from thermid.campaign.stages import Campaign, plain_readings, run_stages
+from thermid.campaign.stages import Campaign, plain_readings
 from thermid.campaign.survey import survey
 from thermid.cli.options import (
     Accept,
+    Audience,
     CampaignPath,
     Data,
     Force,
@@ -31,15 +30,20 @@ from thermid.cli.options import (
     Results,
     ScenarioPath,
     Vacuum,
+    Verbose,
+    campaign_progress,
     leave,
     moments,
     pairs,
     ready,
     say,
+    staged,
     with_unit,
     writable,
     written,
 )
+from thermid.cli.screen import Progress, show, working
+from thermid.cli.summary import show_campaign
 from thermid.errors import ScenarioError, SolverError
 from thermid.estimation.estimate import estimated
 from thermid.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
@@ -49,6 +53,8 @@ from thermid.model.laws.signal import literal
 from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
 from thermid.prediction.records import predict_record
+from thermid.reporting.blocks.extras import tables_folder
+from thermid.reporting.blocks.numbering import check_audience
 from thermid.reporting.pages import campaign as page
 from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pictures.trust import check_ending, picture
@@ -58,51 +64,12 @@ Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values f
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
 
 
-class ProgressLine:
-    """A line on standard error: a terminal writes each text over the last one and clears it at the end, a file gets the fresh ones."""
-
-    shown = False
-
-    def show(self, text: str, fresh: bool = True) -> None:
-        """Show a text."""
-        self.shown = sys.stderr.isatty()
-        if self.shown or fresh:
-            typer.echo(f"\r\x1b[2K{text}" if self.shown else text, nl=not self.shown, err=True)
-
-    def __enter__(self) -> Self:
-        """Begin."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Clear the line."""
-        if self.shown:
-            typer.echo("\r\x1b[2K", nl=False, err=True)
-
-
-class FitProgress(ProgressLine):
-    """How far a fit is, once it takes over two seconds."""
-
-    def __init__(self) -> None:
-        self._begun = time.monotonic()
-        self._shown = 0.0
-        self._last = ""
-
-    def __call__(self, stage: str, count: int, rms: float) -> None:
-        """Show how far a stage is."""
-        now = time.monotonic()
-        if now - self._begun < 2.0 or (now - self._shown < 0.5 and stage == self._last):
-            return
-        self.show(f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage, stage != self._last)
-        self._shown, self._last = now, stage
-
-
 def _run(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
         may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
-    with FitProgress() as progress:
-        campaign = run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())
+    campaign = staged(path, data, folder, accept, fresh=fresh)
     return campaign, campaign.save(folder)
 
 
@@ -113,18 +80,27 @@ def calibrate(
     fresh: Fresh = False,
     accept: Accept = None,
     force: Force = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Run the stages and verdicts of a campaign. Exit code 1 if a verdict failed or a fit is not credible, 4 if data cannot tell."""
+    """Fit the stages of a campaign to logs and judge hold-out records.
+
+    Exit code 1 if a verdict failed or a fit is not credible, 4 if the data cannot decide.
+    """
     result, files = _run(campaign, data, to, fresh, accept)
     names = [f.name for f in files]
-    lines = [str(result)]
-    lines += [f"\n{stage}: inputs\n{fit.inputs.indented}" for stage, fit in result.stages.items() if fit.inputs.rows]
-    for stage, changed in result.changed.items():
-        if changed:
-            lines.append(f"\nfitted again: {stage}; changed since the results were kept: {', '.join(changed)}")
-    lines.append(f"\nvalues: {', '.join(names)}")
-    say(as_json, campaign_object(result, names), "\n".join(lines))
+    if as_json:
+        say(True, campaign_object(result, names), "")
+    elif verbose:
+        again = [
+            f"fitted again: {stage}; changed since the results were kept: {', '.join(changed)}"
+            for stage, changed in result.changed.items()
+            if changed
+        ]
+        inputs = [f"{stage}: inputs\n{fit.inputs.indented}" for stage, fit in result.stages.items() if fit.inputs.rows]
+        show("\n\n".join([str(result), *inputs, *again, f"values: {', '.join(names)}"]))
+    else:
+        show_campaign(result, names)
     leave(result.standing, result.exit_code)
 
 
@@ -134,17 +110,24 @@ def report(
     pdf: Pdf = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
+    audience: Audience = "all",
     fresh: Fresh = False,
     accept: Accept = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Run a campaign and write its report page, its PDF, or both."""
+    """Run a campaign and write its report as a page, a PDF or both.
+
+    Exit code as for calibrate.
+    """
     if to is None and pdf is None:
-        raise ScenarioError("say where the report goes: --to page.html, --pdf page.pdf, or both.", "command line")
-    ready(to, pdf)
+        raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line")
+    to, pdf = ready(to, pdf)
+    check_audience(audience)
     result, _ = _run(campaign, data, results, fresh, accept)
-    files = written(lambda path: page.report(result, to=path), to, pdf)
+    beside = tables_folder(to or pdf or "")
+    with working("writing the report"):
+        files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
     text = result.standing.over("\n".join(f"report: {path}" for path in files.values()), "stage")
     say(as_json, {**files, "passed": result.passed, "standing": campaign_standing(result)}, text)
     leave(result.standing, result.exit_code)
@@ -158,8 +141,11 @@ def identify(
     results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Say what the logs of each stage can tell of the parameters that it frees, what they cannot, and what would help."""
-    with FitProgress() as progress:
+    """Show which parameters the logs can identify, before a fit.
+
+    Parameters that cannot be separated are named, with the measurement that would help.
+    """
+    with campaign_progress(campaign) as progress:
         stages = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
     text = "\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in stages.values())
     say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text)
@@ -179,8 +165,11 @@ def estimate(
     results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Fit a stage with process noise beside output error, and say which foresees left-out readings better over a horizon."""
-    result = run_stages(campaign, data=data, cache=results or campaign.parent / "results")
+    """Fit a stage with process noise and compare its forecasts.
+
+    Process noise and output error are compared on left-out readings over a horizon. Exit code 1 if the search did not converge.
+    """
+    result = staged(campaign, data, results)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
     say(as_json, found.as_object(), found)
@@ -195,9 +184,12 @@ def credibility(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Say of every value its source, state, level, tests, date, range and origin."""
+    """List source, state, tests, date and range of every value.
+
+    Level and origin of every value are listed too; --to writes JSON or TOML.
+    """
     writable((to, CREDIBILITY))
-    record = origins.credibility(run_stages(campaign, data=data, cache=results or campaign.parent / "results"))
+    record = origins.credibility(staged(campaign, data, results))
     if to is not None:
         record.save(to)
     say(as_json, record.to_dict(), f"written: {to}" if to is not None else record)
@@ -216,9 +208,11 @@ def swap(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Plan the replacement of a part: what is assumed, which tests and fits are due; with the new logs, fit only these."""
-    folder = results if results is not None else campaign.parent / "results"
-    plan = plan_retune(run_stages(campaign, data=data, cache=folder, accept=accept or ()), part, deck)
+    """Plan the replacement of a part: which tests and fits are due.
+
+    The plan lists what is assumed. With --new-data, only the stages that are due are fitted.
+    """
+    plan = plan_retune(staged(campaign, data, results, accept), part, deck)
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:
@@ -255,12 +249,15 @@ def predict(
     accept: Accept = None,
     as_json: Json = False,
 ) -> None:
-    """Say what a fitted stage predicts for a scenario, with 95 % bands and what they come from."""
+    """Predict a scenario with a fitted stage, with 95 % bands.
+
+    The bands are broken down into their causes. A logged run is compared with its readings.
+    """
     if (scenario is None) == (not record):
         raise ScenarioError("a prediction needs a scenario, --scenario FILE, or a logged run, --record NAME; one of both.", "command line")
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
-    stages = run_stages(campaign, data=data, cache=results if results is not None else campaign.parent / "results", accept=accept or ())
+    stages = staged(campaign, data, results, accept)
     name = stage or list(stages)[-1]
     if conditions is None:
         _predict_records(campaign, data, stages[name], name, record, as_json)
@@ -334,7 +331,9 @@ def hold(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Say how long limits are kept: the probability of passing them against time, the time that is safe, what decides it.
+    """Compute how long limits are kept, with probabilities.
+
+    The answer is the probability of passing a limit against time, the safe time, and the inputs that decide it.
 
     Runs are kept in a folder: an interrupted command goes on where it was.
     """
@@ -345,7 +344,7 @@ def hold(
         try:
             _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
         except KeyboardInterrupt:
-            done = f"interrupted with {progress.done} of {progress.members} members done"
+            done = f"interrupted with {progress.finished} of {progress.members} members done"
             raise SolverError(f"{done}. The same command goes on from there.") from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
@@ -354,18 +353,16 @@ def hold(
     leave(answer.standing)
 
 
-class MemberProgress(ProgressLine):
+class MemberProgress(Progress):
     """Members done and time left."""
 
     def __init__(self) -> None:
-        self.done, self.members = 0, 0
-        self._begun, self._at = time.monotonic(), -1
+        super().__init__("members")
+        self.finished, self.members = 0, 0
+        self._at = -1
 
     def __call__(self, done: int, members: int) -> None:
-        """Show how many members are done."""
-        if self._at < 0:
-            self._at = done  # what the folder held took no time
-        spent = time.monotonic() - self._begun
-        left = f", {spent * (members - done) / (done - self._at):.0f} s left" if self._at < done < members else ""
-        self.done, self.members = done, members
-        self.show(f"{done} of {members} members{left}")
+        """Show how many members are done; what the folder held took no time."""
+        self._at = done if self._at < 0 else self._at
+        self.finished, self.members = done, members
+        self.now(f"{done} of {members} members", (done - self._at) / (members - self._at) if members > self._at else 1.0)

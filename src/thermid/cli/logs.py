@@ -35,7 +35,10 @@ def look(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Show layout, clock, gaps, faults and columns of logs, and the lines for a campaign. Exit code 2 if times cannot be read."""
+    """Show layout, clock, gaps, faults and columns of logs.
+
+    The lines for a campaign are printed too. Exit code 2 if times cannot be read.
+    """
     if to is not None and (len(logs) > 1 or to.suffix.lower() != ".svg"):
         raise RecordError("one log is drawn as one SVG. Give one log, and a name that ends in .svg.", "--svg")
     looks = [picture.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
@@ -70,7 +73,10 @@ def settle(
     scenario: Annotated[Path | None, typer.Option("--scenario", help="Conditions of the stretch (TOML).")] = None,
     as_json: Json = False,
 ) -> None:
-    """Check whether a log is stable by a rule and forecast where it will end. Exit code 1 if it is not, 4 if the log cannot decide."""
+    """Check whether a log is stable and forecast where it ends.
+
+    Exit code 1 if the log is not stable by the rule, 4 if it cannot decide.
+    """
     if not amount(with_unit(within, "K"), "K", "--within") > 0.0:
         raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within")
     record = _read(log, channel, reference, time)

@@ -9,9 +9,13 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from thermid.campaign.file import read_campaign
 from thermid.campaign.hand import Filed, filed
+from thermid.campaign.stages import Campaign, run_stages
+from thermid.cli.screen import Progress, show
 from thermid.errors import ScenarioError
-from thermid.files import PAGE, PAPER, command, may_write, scratch
+from thermid.extensions import require
+from thermid.files import NETCDF, PAGE, PAPER, PICTURE, command, may_write, scratch
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing
@@ -52,10 +56,14 @@ def _force(context: typer.Context, wanted: bool) -> bool:
     return wanted
 
 
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all details in place of the summary.")]
 Force = Annotated[
     bool, typer.Option("--force", callback=_force, help="Write also over an input, or over a file that thermid did not write.")
 ]
-Page = Annotated[Path | None, typer.Option("--to", help="The page to write.")]
+Page = Annotated[Path | None, typer.Option("--to", help="The page to write; a PDF where the name ends in .pdf.")]
+Audience = Annotated[
+    str, typer.Option("--for", help="summary (2 sheets), agency (what a reviewer reads) or all; long tables are CSV files beside it.")
+]
 Pdf = Annotated[Path | None, typer.Option("--pdf", help="The page as PDF, printed by an installed Chromium, Chrome or Edge.")]
 
 PRECEDENCE = (2, 3, 4, 1, 5, 0)
@@ -64,7 +72,50 @@ PRECEDENCE = (2, 3, 4, 1, 5, 0)
 
 def say(as_json: bool, content: Mapping[str, Any], text: object) -> None:
     """Print an answer: one JSON object, or text."""
-    typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **content})) if as_json else str(text))
+    if as_json:
+        typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **content})))
+    else:
+        show(str(text))
+
+
+class CampaignProgress(Progress):
+    """How far the fits of a campaign are.
+
+    The time left is an estimate: a stage is weighed by what it frees, and a search of some evaluations is taken to be half done after
+    `HALF` of them.
+
+    Parameters
+    ----------
+    weights : dict      Stage -> its share of the work, in any unit.
+    """
+
+    HALF = 6
+
+    def __init__(self, weights: Mapping[str, float]) -> None:
+        super().__init__("reading logs")
+        self._weights = dict(weights)
+        self._finished: dict[str, None] = {}
+
+    def __call__(self, stage: str, count: int, rms: float) -> None:
+        """Show how far a stage is."""
+        before = sum(self._weights.get(name, 1.0) for name in self._finished if name != stage)
+        self._finished[stage] = None
+        whole = sum(self._weights.values()) or 1.0
+        inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
+        words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
+        self.now(words, (before + inside) / whole, stage)
+
+
+def campaign_progress(path: Path) -> CampaignProgress:
+    """Return the progress of a campaign's fits."""
+    return CampaignProgress({stage.name: 1.0 + len(stage.free) for stage in read_campaign(path).content.stages})
+
+
+def staged(path: Path, data: Path | None, results: Path | None, accept: Sequence[str] | None = None, fresh: bool = False) -> Campaign:
+    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default."""
+    folder = results if results is not None else path.parent / "results"
+    with campaign_progress(path) as progress:
+        return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:
@@ -88,22 +139,43 @@ def with_unit(value: str, unit: str) -> str:
     return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"
 
 
+NEEDS = {PICTURE.name: "report", NETCDF.name: "export"}
+"""Kind of file -> the extra that writes it."""
+
+
 def writable(*files: tuple[Path | None, Any]) -> None:
-    """Refuse files that may not be written before anything long begins."""
-    for path, kind in files:
-        if path is not None:
-            may_write(path, kind)
-
-
-def ready(to: Path | None, pdf: Path | None) -> None:
-    """Look for the browser, and at the files to be written, before anything long begins.
+    """Refuse files that may not be written, or for which a package is missing, before anything long begins.
 
     Raises
     ------
-    ScenarioError    When its name is not that of a PDF.
-    NoBrowserError   When a PDF is asked for and nothing can print it.
-    OutputError      When a file may not be written.
+    MissingExtraError   When a package that writes such a file is not installed.
+    OutputError         When a file may not be written.
     """
+    for path, kind in files:
+        if path is not None:
+            if kind.name in NEEDS:
+                require(NEEDS[kind.name], f"writing '{path.name}'")
+            may_write(path, kind)
+
+
+def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
+    """Return the page and the PDF to write; look for what they need, and at the files, before anything long begins.
+
+    A page whose name ends in .pdf is a PDF.
+
+    Raises
+    ------
+    ScenarioError       When two PDFs are asked for, or the name of one does not end in .pdf.
+    MissingExtraError   When a package that draws pages is not installed.
+    NoBrowserError      When a PDF is asked for and nothing can print it.
+    OutputError         When a file may not be written.
+    """
+    if to is not None and to.suffix.lower() == ".pdf":
+        if pdf is not None:
+            raise ScenarioError(f"'{to}' and '{pdf}' are both PDFs. Give one of them; the page itself ends in .html.", "--to")
+        to, pdf = None, to
+    if to is not None or pdf is not None:
+        require("report", "a report")
     if to is not None and to.parent.is_dir():  # the folder of a page is made where it is missing
         may_write(to, PAGE)
     if pdf is not None:
@@ -112,6 +184,7 @@ def ready(to: Path | None, pdf: Path | None) -> None:
         browser()
         if pdf.parent.is_dir():
             may_write(pdf, PAPER)
+    return to, pdf
 
 
 def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) -> dict[str, str]:
@@ -142,7 +215,7 @@ def fitted_model(deck: Path, values: Path | None, keep: bool = False, param: Seq
 def say_first(laid: Filed, file: Path) -> None:
     """Tell what a values file lacks, what of it is left out, and what is hidden."""
     for line in (*laid.lacks, *(f"{gone} --keep-values keeps it." for gone in laid.gone), *laid.hidden):
-        typer.echo(f"{file.name}: {line}", err=True)
+        show(f"{file.name}: {line}", err=True)
 
 
 def scenario_of(
@@ -158,7 +231,7 @@ def scenario_of(
     base = load_scenario(file) if file is not None else Scenario("command line")
     for name, text in pairs(boundary, "--boundary").items():
         if with_unit(text, "degC") != text and 200.0 <= float(text) <= 400.0:
-            typer.echo(f"note: {name}={text} is read in degC; in kelvin it is written '{name}={text} [K]'.", err=True)
+            show(f"note: {name}={text} is read in degC; in kelvin it is written '{name}={text} [K]'.", err=True)
     changes: dict[str, Any] = {
         "boundaries": {k: with_unit(v, "degC") for k, v in pairs(boundary, "--boundary").items()},
         "loads": {k: with_unit(v, "W") for k, v in pairs(load, "--load").items()},

@@ -27,6 +27,7 @@ from thermid.cli.options import (
     writable,
     written,
 )
+from thermid.cli.screen import working
 from thermid.errors import DeckError, ScenarioError
 from thermid.files import PICTURE, TABLE
 from thermid.judge import correlation
@@ -61,7 +62,10 @@ def plan(
     accept: Accept = None,
     as_json: Json = False,
 ) -> None:
-    """Say what a plan predicts of each test, and whether it stands as it was locked."""
+    """Predict each test of a qualification plan; lock the plan.
+
+    With --lock, predictions and hash are written before any log is read.
+    """
     planned = load_plan(file, data)
     predictions, standing = pre_test(planned), planned.known.standing.accept(accept or ())
     if lock:
@@ -95,14 +99,20 @@ def qualify(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Work a plan through: limits, margins, and the verdict on every log. Exit code 1 if something is not met, 4 if not decided."""
+    """Run a qualification plan: limits, margins and verdicts on logs.
+
+    Exit code 1 if something is not met, 4 if it is not decided.
+    """
+    to, pdf = ready(to, pdf)
+    planned, done = load_plan(file, data), 0
 
     def notice(name: str) -> None:
-        if not as_json:
-            typer.echo(name, err=True)
+        nonlocal done
+        progress.now(name, done / len(planned.tests))
+        done += 1
 
-    ready(to, pdf)
-    result = run_plan(file, data=data, notice=notice, accept=accept or ())
+    with working("") as progress:
+        result = run_plan(planned, notice=notice, accept=accept or ())
     pages = written(lambda path: qualification_report(result, to=path), to, pdf)
     say(as_json, result.to_dict() | pages, _with_pages(result, pages))
     leave(result.standing, LEAVES[result.passed])
@@ -125,8 +135,11 @@ def correlate(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Compare two logs column by column: metrics, verdicts, an overlay with the sensors' errors. Exit code 1 if not met, 4 if open."""
-    ready(to, pdf)
+    """Compare measured and simulated logs against criteria.
+
+    Columns of one name are compared, with the sensors' errors. Exit code 1 if not met, 4 if not decided.
+    """
+    to, pdf = ready(to, pdf)
     windows = []
     for text in steady or []:
         begin, _, end = text.partition(":")
@@ -161,7 +174,10 @@ def deliver(
     accept: Accept = None,
     as_json: Json = False,
 ) -> None:
-    """Write decks, values, a reduced deck and what must come out into a folder, and check it from there."""
+    """Write a delivery folder: decks, values, reduced deck, checks.
+
+    The delivery is checked from its folder; --check repeats that on a folder that was received.
+    """
     if check:
         met = delivery.check_delivery(deck)
         say(as_json, {"met_K": met}, f"{deck.name}: as delivered, {counted(len(met), 'scenario')} met")
@@ -214,7 +230,10 @@ def profile(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Print a profile of an environmental test with clauses and marks, or run it on a deck: each dwell waits for the unit."""
+    """Print an environmental test profile, or run it on a deck.
+
+    Numbers carry their clauses. On a deck, each dwell waits until the unit is stable.
+    """
     if not standard:
         _list(as_json)
         return

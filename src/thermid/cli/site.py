@@ -44,7 +44,10 @@ def moisture(
     accept: Accept = None,
     as_json: Json = False,
 ) -> None:
-    """Say of every surface its margin to the dew point, the minutes of condensation, and when it is dry."""
+    """Print the margin to the dew point of every surface.
+
+    Minutes of condensation, water on the surface, and when it is dry again are printed too.
+    """
     model = fitted_model(deck, values, keep_values)
     standing = model_standing(model).accept(accept or ())
     conditions = scenario_of(scenario, boundary, [], start, duration)

@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from thermid.campaign.stages import run_stages
-from thermid.cli.options import CampaignPath, Data, Json, leave, pairs, say
+from thermid.cli.options import CampaignPath, Data, Json, leave, pairs, say, staged
+from thermid.cli.screen import show, working
+from thermid.cli.summary import show_campaign
 from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
 from thermid.reporting.pages import campaign as page
@@ -42,7 +43,10 @@ def init(
     seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
     as_json: Json = False,
 ) -> None:
-    """Propose a model for a log and write deck, scenario and campaign. Exit code 4 if the log cannot tell."""
+    """Propose a model for a log; write deck, scenario and campaign.
+
+    Exit code 4 if the log cannot decide between structures.
+    """
     if not logs:
         _from_template(template, to, as_json)
         return
@@ -54,7 +58,8 @@ def init(
         roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
     records = [read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0])) for log in logs]
     fitted, kept = parted(records)
-    found = propose(roles, [thinned(r) for r in fitted], seconds)
+    with working("searching for a structure", seconds):
+        found = propose(roles, [thinned(r) for r in fitted], seconds)
     title = name or word(logs[0].name.partition(".")[0])
     made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title)
     ignored = [f"not used: {column}: {why}" for column, why in roles.ignored.items()]
@@ -124,8 +129,12 @@ def improve(
     data: Data = None,
     as_json: Json = False,
 ) -> None:
-    """Search for the next structure of a stage; write deck and campaign with it, before and after side by side."""
-    made = improved.improve(campaign, stage, seconds, data)
+    """Search for a better structure of a stage and write its files.
+
+    Deck and campaign are written beside the old ones, with a comparison before and after.
+    """
+    with working("searching for a structure", seconds):
+        made = improved.improve(campaign, stage, seconds, data)
     content = {
         "changes": [c.name for c in made.search.proposed.changes],
         "gain": made.search.likelihood(made.search.proposed),
@@ -146,7 +155,10 @@ def example(
     run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Copy a shipped example with its data into a new folder; published measurements are fetched and checked."""
+    """Copy a shipped example with its data into a new folder.
+
+    Published measurements are fetched and checked.
+    """
     if not name:
         rows = [{"name": e.name, "shows": e.shows, "data": e.data.words if e.data else ""} for e in EXAMPLES.values()]
         width = max(len(n) for n in EXAMPLES)
@@ -157,18 +169,22 @@ def example(
     if run and not asked.campaign:
         raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
-        typer.echo(asked.data.words, err=True)
+        show(asked.data.words, err=True)
     made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
     content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
     if not run:
         say(as_json, content, str(made))
         return
     if not as_json:
-        typer.echo(str(made))
-    result = run_stages(made.folder / asked.campaign, cache=made.folder / "results")
-    result.save(made.folder / "results")
+        show(str(made))
+    result = staged(made.folder / asked.campaign, None, made.folder / "results")
+    files = result.save(made.folder / "results")
     where = page.report(result, to=made.folder / "report.html")
-    say(as_json, {**content, "page": str(where), "passed": result.passed}, f"{result}\nreport: {where}")
+    if as_json:
+        say(True, {**content, "page": str(where), "passed": result.passed}, "")
+    else:
+        show_campaign(result, [f.name for f in files])
+        show(f"report: {where}")
     leave(result.standing, result.exit_code)
 
 

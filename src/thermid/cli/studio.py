@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from thermid.cli.options import Data
+from thermid.extensions import require
 from thermid.studio.project import Project
 from thermid.studio.server import serve
 
@@ -21,7 +22,11 @@ def studio(
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
 ) -> None:
-    """Open a deck or campaign as a page on this machine: sliders, levels, scenarios, a log that grows."""
+    """Open a deck or campaign as a page on this machine.
+
+    The page has sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine.
+    """
+    require("studio", "thermid studio")
     project = Project(file, data, results)
 
     def ready(address: str) -> None:

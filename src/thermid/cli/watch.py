@@ -44,7 +44,10 @@ def watch(
     once: Annotated[bool, typer.Option("--once", help="Look once and leave.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
 ) -> None:
-    """Watch a running test: when to stop, what nobody measures, what went wrong. Exit code 0 at a stop, 1 with an alarm, 4 if declined."""
+    """Watch a running test: when to stop, and what went wrong.
+
+    Temperatures that nobody measures are estimated with a model. Exit code 0 at a stop, 1 with an alarm, 4 if no stop is advised.
+    """
     step = literal(with_unit(every, "s"), "s", "--every")
     if not step > 0.0:
         raise RecordError(f"the time between looks is above zero, not '{every}'.", "--every")

@@ -92,7 +92,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     ------
     IdentificationError   When emcee is missing, nothing was free, or the calibration was read from a file.
     """
-    emcee = package("emcee", "a posterior", "bayes")
+    emcee = package("emcee", "a posterior")
     density = _Density.of(fit).stretched(fit)
     size = len(density.at)
     count = walkers or max(12, 2 * size + 2)
@@ -174,7 +174,7 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     IdentificationError   When dynesty is missing, nothing was free, the noise of a sensor is not stated, or the calibration was read from
                           a file.
     """
-    dynesty = package("dynesty", "evidence", "bayes")
+    dynesty = package("dynesty", "evidence")
     density = _Density.of(fit)
     loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
     if loose:

@@ -14,7 +14,8 @@ from typing import Any
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.errors import DeckError, MissingExtraError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.extensions import missing
 from thermid.interop.wired import identifiers
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
@@ -186,16 +187,14 @@ def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations
 
     Raises
     ------
-    ThermidError        When sympy is not installed.
+    MissingExtraError   When sympy is not installed.
     DeckError           When a law is not linear.
     NameNotFoundError   When a path of `names` does not exist.
     """
     try:
         import sympy
     except ImportError as error:
-        raise ThermidError(
-            "equations in symbols need sympy, which is not installed. Install it with: pip install 'thermid[symbolic]'"
-        ) from error
+        raise MissingExtraError(missing(["sympy"], "a derivation of equations")) from error
     network = compile_network(model)
     table = _Symbols(network, dict(names or {}), model)
     return _Derivation(sympy, network, table).result()

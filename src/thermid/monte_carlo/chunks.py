@@ -14,7 +14,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from thermid.errors import ScenarioError
+from thermid.errors import MissingExtraError, ScenarioError
+from thermid.extensions import missing
 from thermid.files import OWN, replacing, sweep
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
@@ -27,10 +28,6 @@ from thermid.simulation.solver.problem import Options
 PARTS = ("members", "times", "kelvin")
 PATIENCE = "20s"
 """How long a cluster may take to answer."""
-
-
-class MissingPackageError(ScenarioError):
-    """An optional package is not installed; the message says which command installs it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,9 +237,9 @@ def _package(name: str) -> Any:
 
     Raises
     ------
-    MissingPackageError   When it is not installed.
+    MissingExtraError   When it is not installed.
     """
     try:
         return import_module(name)
     except ImportError as error:
-        raise MissingPackageError(f"this needs {name}, which is not installed. Install it with: pip install thermid[cluster]") from error
+        raise MissingExtraError(missing([name], "a run on several processes")) from error

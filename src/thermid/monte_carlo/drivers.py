@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.errors import MissingExtraError, NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.extensions import missing
 from thermid.linear_algebra import Array
-from thermid.monte_carlo.chunks import Job, MissingPackageError, run_members_of
+from thermid.monte_carlo.chunks import Job, run_members_of
 
 FEWEST = 30
 """Members per input below which shares are not told apart from chance. [-]"""
@@ -124,7 +125,7 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
         from SALib.analyze import sobol as analysis
         from SALib.sample import sobol as design
     except ImportError as error:
-        raise MissingPackageError("this needs SALib, which is not installed. Install it with: pip install thermid[sensitivity]") from error
+        raise MissingExtraError(missing(["SALib"], "an analysis of the spread")) from error
     path = job.model.canonical(node)
     refuse_unknown([path], job.nodes, job.model.title, f"'{node}' was not kept.", NameNotFoundError)
     groups = _groups(job)

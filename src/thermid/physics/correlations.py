@@ -15,6 +15,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from thermid.errors import DeckError, nearest, refuse_unknown
+from thermid.extensions import missing
 from thermid.linear_algebra import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
@@ -119,8 +120,7 @@ def _of_library(name: str, where: str) -> NusseltLaw:
         from ht import conv_free_immersed as library
     except ImportError:
         raise DeckError(
-            f"'{name}' would come from the library ht, which is not installed: pip install 'thermid[correlations]'."
-            f" Without it there are {', '.join(OWN)}.",
+            f"{missing(['ht'], f'the correlation {name!r}')}. Without it there are {', '.join(OWN)}.",
             where,
         ) from None
     function: Any = getattr(library, name, None)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermid.errors import ScenarioError, ThermidError
+from thermid.errors import MissingExtraError, ScenarioError, ThermidError
+from thermid.extensions import missing
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import literal
 from thermid.model.parts.facing import degrees
@@ -170,5 +171,5 @@ def _pvlib() -> Any:
     try:
         import pvlib
     except ImportError:
-        raise ScenarioError("the sun's path is worked out by pvlib: pip install 'thermid[site]'.", "site") from None
+        raise MissingExtraError(missing(["pvlib"], "the path of the sun"), "site") from None
     return pvlib

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import MissingDataError, NameNotFoundError, RecordError, look_up, refuse_unknown
+from thermid.errors import MissingDataError, MissingExtraError, NameNotFoundError, RecordError, look_up, refuse_unknown
+from thermid.extensions import missing
 from thermid.files import was_read
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_plain
@@ -356,7 +357,7 @@ def _typical(path: Path, year: int, epw: bool) -> Columns:
     try:
         from pvlib import iotools
     except ImportError:
-        raise RecordError("EPW and TMY3 files are read by pvlib: pip install 'thermid[site]'.", path.name) from None
+        raise MissingExtraError(missing(["pvlib"], "an EPW or TMY3 file"), path.name) from None
     try:
         data, meta = iotools.read_epw(path) if epw else iotools.read_tmy3(path, map_variables=True)
         mixed = len(set(data.index.year[:-1])) > 1
@@ -387,11 +388,11 @@ def _delta(seconds: float) -> Any:
 def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, float, float, float]]) -> dict[str, FloatArray]:
     """Return quantities in SI, missing ones as NaN."""
     out = {}
-    for column, (name, factor, shift, missing) in table.items():
+    for column, (name, factor, shift, absent) in table.items():
         if column in data:
             raw = np.asarray(data[column], dtype=np.float64)
             # codes for a missing value stand at, or beyond, the format's own
-            gone = raw <= missing if missing < 0 else raw >= missing
+            gone = raw <= absent if absent < 0 else raw >= absent
             out[name] = np.where(gone, np.nan, raw * factor + shift)
     return out
 

@@ -9,7 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.errors import DeckError, ThermidError
+from thermid.errors import DeckError, MissingExtraError, ThermidError
+from thermid.extensions import missing
 from thermid.studio.follow import Follower
 from thermid.studio.orders import as_json, orders, questions
 from thermid.studio.project import Project
@@ -50,7 +51,7 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
         from starlette.applications import Starlette
         from starlette.routing import Route
     except ImportError:
-        raise DeckError("the studio needs starlette and uvicorn: pip install 'thermid[studio]'.") from None
+        raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
     work, lock, bench = Work(project), threading.Lock(), threading.Lock()
     follower = Follower(project.path.parent, log)
 
@@ -190,7 +191,7 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     try:
         import uvicorn
     except ImportError:
-        raise DeckError("the studio needs starlette and uvicorn: pip install 'thermid[studio]'.") from None
+        raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

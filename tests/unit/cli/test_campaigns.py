@@ -131,7 +131,11 @@ class TestCalibrate:
     def test_text(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", campaign)
         assert said.code == 0
-        assert "box: 2 free parameters" in said.out
+        assert said.out.splitlines()[0] == "Two levels: 2 stages, 1 of 1 verdict passed"
+        assert "box: credible; 2 values; worst sensor T_A, RMSE 0.0" in said.out
+        whole = call("calibrate", campaign, "-v")
+        assert "box: 2 free parameters" in whole.out
+        assert len(whole.out) > 2 * len(said.out)
         assert "pair on pair_two: PASSED" in said.out
         assert said.out.endswith("values: box.values.toml, pair.values.toml\n")
 
@@ -187,7 +191,7 @@ class TestCalibrate:
     def test_progress_goes_to_standard_error_once_it_takes_long(self, call: Call, campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         import itertools
 
-        import thermid.cli.fit as command
+        import thermid.cli.screen as command
 
         seconds = itertools.count(0.0, 3.0)
         monkeypatch.setattr(command.time, "monotonic", lambda: next(seconds))
@@ -219,7 +223,7 @@ class TestReport:
     def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
         said = call("report", campaign)
         assert said.code == 2
-        assert "say where the report goes: --to page.html, --pdf page.pdf, or both." in said.err
+        assert "a report needs a file: --to page.html, --pdf page.pdf, or both." in said.err
 
     def test_a_missing_browser_is_told_before_anything_runs(
         self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -66,9 +66,9 @@ def test_ctrl_c_is_no_traceback(made: Path, tmp_path: Path) -> None:
     code = (
         # a process started in the background of a script ignores the interrupt key; one at a terminal does not
         "import os, sys, signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\nimport thermid.cli as app\n"
-        "from thermid.cli.fit import FitProgress\n"
+        "from thermid.cli.options import CampaignProgress\n"
         "def stop(self, stage, count, rms):\n    os.kill(os.getpid(), signal.SIGINT)\n"
-        "FitProgress.__call__ = stop\n"
+        "CampaignProgress.__call__ = stop\n"
         f"sys.argv = ['thermid', 'calibrate', {str(made)!r}, '--fresh', '--to', {str(tmp_path)!r}]\napp.main()"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=ENVIRONMENT, timeout=120, check=False)

@@ -39,7 +39,7 @@ def project(folder: Path, bias: float) -> Path:
 
 def test_a_sensor_that_is_grossly_wrong_fails_the_campaign(tmp_path: Path) -> None:
     path = project(tmp_path, 180.0)
-    told = CliRunner().invoke(app, ["calibrate", str(path)])
+    told = CliRunner().invoke(app, ["calibrate", str(path), "-v"])
     assert told.exit_code == 1
     lines = told.stdout.splitlines()
     assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would have to be wrong by +1")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError
+from thermid.errors import IdentificationError, MissingExtraError
 from thermid.fit import minimisation
 from thermid.fit.minimisation import LOSSES, Population, box_of, evolved
 from thermid.fit.problem.gather import build_problem
@@ -100,9 +100,9 @@ class TestValleys:
             raise ImportError(name)
 
         monkeypatch.setattr(minimisation, "import_module", absent)
-        with pytest.raises(IdentificationError, match=r"needs cma, which is not installed.*pip install thermid\[search\]"):
+        with pytest.raises(MissingExtraError, match=r"needs 'cma', which is not installed.*pip install cma"):
             fitted("cma")
-        with pytest.raises(IdentificationError, match=r"needs emcee.*pip install thermid\[bayes\]"):
+        with pytest.raises(MissingExtraError, match=r"needs 'emcee'.*pip install emcee"):
             td.posterior(fitted("local"))
 
     def test_one_parameter_is_no_population_for_cma(self) -> None:

@@ -75,7 +75,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr(binary, "import_module", absent)
-    with pytest.raises(ThermidError, match=r"nptdms, which is not installed: pip install 'thermid\[readers\]'"):
+    with pytest.raises(ThermidError, match=r"'npTDMS', which is not installed. Install with: .* -m pip install npTDMS"):
         read_record(log(b"TDSm" + bytes(40), "x.tdms"), {"a": "b"})
 
 

@@ -18,7 +18,8 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.errors import MissingDataError, RecordError, UnitError
+from thermid.errors import MissingExtraError, RecordError, UnitError
+from thermid.extensions import missing
 from thermid.measure.readers.columns import spelt
 from thermid.measure.readers.matlab_objects import objects_of, series_of
 from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
@@ -56,14 +57,12 @@ def _library(name: str, file: str) -> Any:
 
     Raises
     ------
-    MissingDataError   When it is not installed.
+    MissingExtraError   When it is not installed.
     """
     try:
         return import_module(name)
     except ImportError:
-        raise MissingDataError(
-            f"this kind of file is read with the package {name}, which is not installed: pip install 'thermid[readers]'.", file
-        ) from None
+        raise MissingExtraError(missing([name], "this kind of file"), file) from None
 
 
 def tdms(data: bytes, file: str, separator: str | None) -> Cells:

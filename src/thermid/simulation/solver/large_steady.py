@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.errors import SolverError
+from thermid.extensions import missing
 from thermid.linear_algebra import Array, Indices
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solver.problem import unsettled
@@ -125,7 +126,7 @@ def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
     except ImportError:
         if matrix.shape[0] > WITHOUT_MULTIGRID:
             raise SolverError(
-                f"the steady state of {matrix.shape[0]} nodes would take minutes without pyamg. Install it: pip install thermid[large].",
+                missing(["pyamg"], f"the steady state of {matrix.shape[0]} nodes"),
                 where,
             ) from None
         return diags_array(1.0 / matrix.diagonal()), "Jacobi (pyamg is not installed)"
