@@ -109,7 +109,8 @@ class Setting:
             return plain(budget)
         base = made = plain(budget.whole or budget)
         for _ in range(PASSES):
-            patterns, here = made._patterns()
+            patterns, found = made._patterns()
+            here = made.here or found  # of the run with best values, as the conditions of a fit are
             made = base._with_patterns(patterns, here)
         if budget.whole is None:
             return made
