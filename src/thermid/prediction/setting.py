@@ -192,8 +192,8 @@ class Setting:
         narrow = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(np.where(own, 0.0, at)).values())))
         return (
             f"no deck states what carries the heat of {listed(sorted(set(modes.values())))}: free air, or a fan, a cold plate or leads, "
-            f"behind which a coefficient stays constant. Both count, each as likely, which shifts '{worst}' by {shift:+.2g} K, and others "
-            f"less. State carried_by: with 'fan', 'cold plate' or 'leads' the band of '{worst}', +- {wide:.2g} K, becomes "
+            f"behind which a coefficient stays constant. Both are taken as equally likely, which shifts '{worst}' by {shift:+.2g} K, "
+            f"others by less. State carried_by: with 'fan', 'cold plate' or 'leads' the band of '{worst}', +- {wide:.2g} K, becomes "
             f"+- {narrow:.2g} K about the run of the model; with 'free air' the shift doubles, and the band narrows too"
         )
 
@@ -205,9 +205,9 @@ class Setting:
         if abs(shift) < GUESSED:
             return ""
         return (
-            f"'{worst}' is shifted by {shift:+.2g} K, and others less, for radiation that nobody has stated: any emissivity from 0 "
-            f"to 0.95 is taken as equally likely. Bare metal radiates less, and the shift then goes too far. Say the finish, or the "
-            f"emissivity, of {listed(sorted(set(modes.values())))}."
+            f"'{worst}' is shifted by {shift:+.2g} K, others by less, because no emissivity is stated: any value from 0 to 0.95 "
+            f"is taken as equally likely. For bare metal this shift is too large. Give the finish or the emissivity of "
+            f"{listed(sorted(set(modes.values())))}."
         )
 
     def _chain(self) -> Array:
