@@ -105,7 +105,7 @@ def test_at_the_conditions_of_the_fit_little_is_added(constant: Calibration) -> 
     assert told.error < 0.25 * far.error
     assert "used near the conditions of the fit" in str(predict(constant, near))
     text = str(predict(constant, FAR))
-    assert "used further off: skin (found at " in text
+    assert "extrapolated: skin (found at " in text
     assert "constant coefficients 9" in text
 
 
@@ -177,7 +177,7 @@ def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calib
 
 def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:
     bare = replace(constant.values, provenance={})
-    with pytest.raises(IdentificationError, match="does not hold what its fit left open"):
+    with pytest.raises(IdentificationError, match="does not include the data on its model discrepancy"):
         discrepancy(replace(constant, values=bare))
 
 
