@@ -83,9 +83,11 @@ def test_a_good_fit_is_not_looked_at_and_a_wrong_model_is_not_blamed() -> None:
     assert [m.kind for m in find_mistakes(small).named if m.kind in ("unit", "exchanged", "per cent", "node")] == []
 
 
-def test_what_cannot_be_run_names_nothing() -> None:
+def test_what_cannot_be_run_names_nothing_and_says_why() -> None:
     bad = replace(asked(), local={"nowhere": LocalSpec("20 [degC]")})
-    assert find_mistakes(bad) == Mistakes("pair")
+    found = find_mistakes(bad)
+    assert found.named == ()
+    assert "'nowhere'" in found.failed
 
 
 GYRO = """
