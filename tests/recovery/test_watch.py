@@ -135,16 +135,27 @@ def test_a_planted_fault_is_named(seed: int) -> None:
     assert named(seed)
 
 
+@pytest.fixture(scope="module")
+def thousand() -> list[Stopped]:
+    """What was done with a thousand tests."""
+    return [watched(seed) for seed in range(CASES)]
+
+
 @pytest.mark.campaign
-def test_stops_of_a_thousand_tests() -> None:
+@pytest.mark.xfail(strict=True, reason="a median of 0.3 is asked for; 0.13 was measured: the risk of a wrong stop costs the time (183)")
+def test_a_stop_saves_three_tenths(thousand: list[Stopped]) -> None:
+    assert np.median([s.saving for s in thousand if s.stopped]) >= 0.3
+
+
+@pytest.mark.campaign
+def test_stops_of_a_thousand_tests(thousand: list[Stopped]) -> None:
     from scipy.stats import beta
 
-    found = [watched(seed) for seed in range(CASES)]
+    found = thousand
     stopped = [s for s in found if s.stopped]
     wrong = sum(s.wrong for s in stopped)
     assert wrong <= 0.01 * len(found)
     assert beta.ppf(0.95, wrong + 1, len(found) - wrong) <= 0.02
-    assert np.median([s.saving for s in stopped]) >= 0.1  # 0.3 is asked for and not reached: decision 183
     assert len(stopped) >= 0.7 * len(found)
     assert np.mean([not s.wrong for s in (watched(seed, hidden=True) for seed in range(HIDDEN))]) >= 0.95
 

@@ -166,11 +166,8 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
 
 def _found(request: Request, name: str) -> Mistakes:
     """Return the mistakes of a request; see `find_mistakes`."""
-    try:
-        fit = RoughFit.of(request)
-        base = fit.solve(fit.start())
-    except ThermidError:
-        return Mistakes(name)
+    fit = RoughFit.of(request)
+    base = fit.solve(fit.start())
     free = sum(u.kind == "parameter" for u in fit.problem.unknowns)
     bad = base.square > QUIET * fit.size or base.prior > FAR * max(free, 4)
     if not bad:

@@ -25,8 +25,9 @@ from thermid.fit.regime_runs import regimes_of
 from thermid.fit.regimes import KEY as REGIMES
 from thermid.fit.uncertainty.noise import Autocorrelation, binned
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import Array, finite
+from thermid.linear_algebra import Array, finite, square_root
 from thermid.model.laws.signal import TableSignal
+from thermid.model.parts.kinds import CARRIED_BY
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.model.tree.identity import identity_of
 from thermid.network.medium import Media
@@ -43,8 +44,12 @@ MANY = 40
 """Assumed values beyond which none is solved again: each costs a derivative of every run."""
 SMALL = 1e-3
 """Part of the reference difference below which a coefficient's growth with the difference no longer matters: no heat flows."""
-EXPONENT = 1.0 / 3.0
-"""Of natural convection with the difference of temperature: 1/4 laminar to 1/3 turbulent (Churchill and Chu 1975); 0 where air is blown."""
+EXPONENTS = (1.0 / 5.0, 1.0 / 3.0)
+"""Of natural convection with the difference of temperature: 1/5 under a warm plate, 1/4 laminar, 1/3 turbulent (Incropera and others,
+Fundamentals of Heat and Mass Transfer, 2011, 9.6); evenly between. 0 where air is blown, or a solid carries the heat."""
+FREE_AIR, STREAM = "free air", "fan"
+UNSAID = 0.5
+"""Probability of free air where nobody says what carries the heat: one possibility is as likely as the other."""
 BLACKEST = 0.95
 FINISH = 0.15
 """What an emissivity of a deck is good to, relative. [-]"""
@@ -79,6 +84,7 @@ class CoefficientMode:
     mean, sd : float    Of the exponent, or of the radiative share, over what is possible. [-]
     ends : (str, str)
     watts : TableSignal   What a unit of it adds to the heat from the first end to the second. [W]
+    unsaid : float      Its correlation with what carries the heat, free air or not; zero where the deck says it. [-]
     """
 
     path: str
@@ -87,6 +93,7 @@ class CoefficientMode:
     sd: float
     ends: tuple[str, str]
     watts: TableSignal
+    unsaid: float = 0.0
 
     def names(self, boundaries: Sequence[str]) -> list[str]:
         """Return the loads that stand for it, one per end that is no boundary."""
@@ -97,6 +104,16 @@ class CoefficientMode:
 def constant_coefficients(network: Network) -> dict[str, FlatConductor]:
     """Return path -> conductor, of those whose constant coefficient stands for convection, or convection and radiation."""
     return {c.path: c for c in network.flat.conductors if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)}
+
+
+def unsaid_paths(network: Network) -> list[str]:
+    """Return the conductors with a constant coefficient of which the deck does not say what carries the heat."""
+    return [path for path, c in constant_coefficients(network).items() if CARRIED_BY not in c.words]
+
+
+def steady_paths(network: Network) -> list[str]:
+    """Return the conductors whose coefficient is constant by what the deck says: a stream or a solid carries the heat."""
+    return [path for path, c in constant_coefficients(network).items() if c.words.get(CARRIED_BY, FREE_AIR) != FREE_AIR]
 
 
 def coefficient_path(c: FlatConductor) -> str:
@@ -168,25 +185,65 @@ def conditions_of(found: Sequence[Mapping[str, FlowHistory]]) -> dict[str, Opera
 
 
 def patterns_of(
-    network: Network, times: Array, found: Mapping[str, FlowHistory], reference: Mapping[str, OperatingPoint], values: Mapping[str, Any]
+    network: Network,
+    times: Array,
+    found: Mapping[str, FlowHistory],
+    reference: Mapping[str, OperatingPoint],
+    values: Mapping[str, Any],
+    expected: Mapping[str, float] | None = None,
 ) -> list[CoefficientMode]:
-    """Return the patterns of every constant coefficient in a run, about the conditions where each was found; values of parameters in SI."""
+    """Return the patterns of every constant coefficient in a run, about the conditions where each was found.
+
+    Parameters
+    ----------
+    network : Network
+    times : array (times,)  [s]
+    found : dict            Path -> course.
+    reference : dict        Path -> where its coefficient was found.
+    values : dict           Path of a parameter -> value. [SI]
+    expected : dict         Path -> exponent by which the heat of the pattern is right, not to first order alone. [-]
+    """
     radiating = {c.path.removesuffix(".radiation") for c in network.flat.conductors if c.kind == "radiation"}
     out = []
     for path, c in constant_coefficients(network).items():
         if path not in found or path not in reference:
             continue
         course, at = found[path], reference[path]
-        share, spread = (0.0, 0.0) if path in radiating else _radiative(c, value_of(values[coefficient_path(c)]), at, values)
+        radiates = path not in radiating and c.words.get(CARRIED_BY, FREE_AIR) in (FREE_AIR, STREAM)
+        share, spread = _radiative(c, value_of(values[coefficient_path(c)]), at, values) if radiates else (0.0, 0.0)
+        free = {FREE_AIR: 1.0, "": UNSAID}.get(c.words.get(CARRIED_BY, ""), 0.0)
+        lit = 1.0 if c.emissivity else free  # an emissivity of the deck radiates whatever carries the rest
         grown = np.log(np.maximum(course.difference, SMALL * at.difference) / at.difference)
+        exponent = (expected or {}).get(path, 0.0)
+        grown = np.expm1(exponent * grown) / exponent if exponent else grown
+        warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
+        low, high = EXPONENTS
         # of a coefficient that is part radiation only the rest grows with the difference
-        rest, square = 1.0 - share, (1.0 - share) ** 2 + spread**2
-        sd = float(np.sqrt(EXPONENT**2 * square / 3.0 - (EXPONENT * rest / 2.0) ** 2))
-        out.append(CoefficientMode(path, "difference", EXPONENT * rest / 2.0, sd, c.ends, TableSignal(times, course.heat * grown, False)))
-        if share > 0.0:
-            warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
-            out.append(CoefficientMode(path, "level", share, spread, c.ends, TableSignal(times, course.heat * warmer, False)))
+        grows = 0.5 * (low + high) * (1.0 - share), (low**2 + low * high + high**2) / 3.0 * ((1.0 - share) ** 2 + spread**2)
+        ways = (("difference", free, *grows, grown), ("level", lit, share, share**2 + spread**2, warmer))
+        for kind, probability, mean, square, course_of in ways:
+            if probability * mean > 0.0:
+                sd = float(np.sqrt(probability * square - (probability * mean) ** 2))
+                unsaid = float(np.sqrt(probability * (1.0 - probability))) * mean / sd
+                watts = TableSignal(times, course.heat * course_of, False)
+                out.append(CoefficientMode(path, kind, probability * mean, sd, c.ends, watts, unsaid))
     return out
+
+
+def alike(keys: Sequence[Key], unsaid: Mapping[Key, float]) -> Array:
+    """Return the correlations (patterns, patterns) of the patterns of all coefficients.
+
+    Half of what two surfaces do not follow is the surroundings', half their own (`ALIKE`). Exponent and radiative share of one surface
+    are independent, but for what carries its heat, where the deck does not say it: either both are there or neither (`unsaid`).
+    """
+    place = np.array([[1.0 if a[0] == b[0] else ALIKE for b in keys] for a in keys]).reshape(len(keys), len(keys))
+    kinds = {kind: k for k, kind in enumerate(dict.fromkeys(kind for _, kind in keys), 1)}
+    parts = np.zeros((len(keys), 1 + len(kinds)))
+    for row, key in zip(parts, keys, strict=True):
+        row[0] = unsaid.get(key, 0.0)
+        row[kinds[key[1]]] = np.sqrt(1.0 - row[0] ** 2)
+    # the product of two matrices of correlations, element by element, is one (Schur)
+    return np.asarray(place * (parts @ parts.T))
 
 
 def _radiative(c: FlatConductor, coefficient: float, at: OperatingPoint, values: Mapping[str, Any]) -> tuple[float, float]:
@@ -264,6 +321,7 @@ class Discrepancy:
     misfit : dict                   Node -> standard deviation of what wanders in its residuals, once the fit has done what it can. [K]
     surfaces : dict                 Path of a conductor -> mean temperatures of its surface and gas over the records. [K]
     separated : tuple of str        Contacts of which some record had another gas, or another pressure of it, than air on the ground.
+    unsaid : dict                   (path, kind) -> correlation with what carries the heat, where the deck does not say it. [-]
     assumed : dict                  Assumed value of a deck -> what the fit would have found for one more of its SI unit, less what it
                                     found (names,); fitted form.
     """
@@ -277,11 +335,19 @@ class Discrepancy:
     surfaces: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     separated: tuple[str, ...] = ()
     assumed: Mapping[str, Array] = field(default_factory=dict)
+    unsaid: Mapping[Key, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
         modes = [
-            {"path": p, "kind": kind, "mean": self.means[p, kind], "sd": sd, "response": self.response[:, k].tolist()}
+            {
+                "path": p,
+                "kind": kind,
+                "mean": self.means[p, kind],
+                "sd": sd,
+                "response": self.response[:, k].tolist(),
+                "unsaid": self.unsaid.get((p, kind), 0.0),
+            }
             for k, ((p, kind), sd) in enumerate(self.sizes.items())
         ]
         return {
@@ -309,15 +375,14 @@ class Discrepancy:
             {p: (float(hot), float(cold)) for p, (hot, cold) in data["surfaces"].items()},
             tuple(data["separated"]),
             {p: np.array(moved, dtype=float) for p, moved in data.get("assumed", {}).items()},
+            {(m["path"], m["kind"]): float(m["unsaid"]) for m in modes if m.get("unsaid")},
         )
 
     @cached_property
     def root(self) -> Array:
         """A root L (patterns, directions) of the covariance of the patterns, ``L L'``."""
-        keys = list(self.sizes)
-        alike = np.array([[1.0 if a == b else ALIKE if a[1] == b[1] else 0.0 for b in keys] for a in keys]).reshape(len(keys), len(keys))
         sizes = np.array(list(self.sizes.values()))
-        return np.asarray(sizes[:, None] * np.linalg.cholesky(alike)) if keys else np.zeros((0, 0))
+        return sizes[:, None] * square_root(alike(list(self.sizes), self.unsaid)) if sizes.size else np.zeros((0, 0))
 
     @takes_objects
     def widened(self, values: FittedValues) -> FittedValues:
@@ -344,8 +409,9 @@ class Discrepancy:
 def discrepancy(fit: Calibration) -> Discrepancy:
     """Return what constant coefficients leave out of a fit.
 
-    Convection grows with the difference of temperature by a power between 0 (blown air) and 1/3 (turbulent, natural); what is radiation
-    in a coefficient grows with the level. Each is taken as a consider parameter (Tapley, Schutz and Born, Statistical Orbit Determination,
+    In free air convection grows with the difference of temperature by a power (`EXPONENTS`), and what is radiation in a coefficient grows
+    with the level. Behind a fan, a cold plate or leads neither does. A deck states which by ``carried_by``; where it does not, both
+    possibilities count, each as likely. Each is taken as a consider parameter (Tapley, Schutz and Born, Statistical Orbit Determination,
     Elsevier 2004, section 6.2): not looked for, but not known to be zero; the fit's own response to it is counted, so that a coefficient
     is right where it was fitted and less so further off.
 
@@ -389,6 +455,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
         ways.append(patterns_of(network, times, found, conditions, values) if here else [])
     sizes = {(p.path, p.kind): p.sd for several in ways for p in several}
     means = {(p.path, p.kind): p.mean for several in ways for p in several}
+    unsaid = {(p.path, p.kind): p.unsaid for several in ways for p in several if p.unsaid}
     response = _response(fit, problem, at, ways, list(sizes))
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
@@ -396,7 +463,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     rows = [place[n] for n in names]
     assumed = {p: moved[rows] for p, moved in _moved_by_assumed(fit, problem, at).items()}
-    kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed)
+    kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed, unsaid)
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     regimes = regimes_of(fit, misfit)
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}

@@ -163,6 +163,7 @@ class ModeTable(StrictTable):
     mean: Real
     sd: Annotated[Real, Field(ge=0.0)]
     response: list[Real]
+    unsaid: Real = 0.0
 
 
 class StructuralTable(StrictTable):

@@ -14,15 +14,16 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import (
-    ALIKE,
     MOST,
     Discrepancy,
     OperatingPoint,
+    alike,
     coefficient_path,
     constant_coefficients,
     kept_in,
     losing_gas,
     misfit_kept,
+    steady_paths,
 )
 from thermid.fit.problem.experiment import of_a_sensor
 from thermid.fit.regime_runs import kind_of_run
@@ -135,15 +136,14 @@ class Mode:
         return f"{NAMES[self.kind]} {self.path}"
 
 
-def modes_of(kept: Sequence[Discrepancy]) -> tuple[list[Mode], Array]:
+def modes_of(kept: Sequence[Discrepancy], steady: Collection[str] = ()) -> tuple[list[Mode], Array]:
     """Return the coefficient modes of all fits, of two that know one the later's, and their correlations.
 
-    Half of what two surfaces do not follow is the surroundings', half their own (`ALIKE`).
+    Coefficients of `steady` conductors have none: their deck says since that a stream or a solid carries the heat.
     """
-    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items()}
-    modes = list(found.values())
-    alike = [[1.0 if a is b else ALIKE if a.kind == b.kind else 0.0 for b in modes] for a in modes]
-    return modes, np.array(alike).reshape(len(modes), len(modes))
+    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items() if key[0] not in steady}
+    unsaid = {key: size for k in kept for key, size in k.unsaid.items()}
+    return list(found.values()), alike(list(found), unsaid)
 
 
 def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) -> Array:
@@ -156,7 +156,8 @@ def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) ->
             if name in place:
                 out[place[name]] = 0.0  # what an earlier fit found of it was replaced
                 for j, key in enumerate(k.sizes):
-                    out[place[name], column[key]] = k.response[i, j]
+                    if key in column:
+                        out[place[name], column[key]] = k.response[i, j]
     return out
 
 
@@ -363,6 +364,7 @@ class Budget:
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
     followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
+    whole : Budget or None          Before modes were left out of it: the temperatures that are expected, at which modes act, are its.
     """
 
     model: Model
@@ -378,6 +380,7 @@ class Budget:
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
     followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    whole: Budget | None = None
 
     @classmethod
     def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
@@ -554,6 +557,7 @@ class Budget:
         kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & {*names}]
         gain = self.gain[:, kept]
         acting = [k for k, row in enumerate(gain) if row.any()]
+        modes = tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting))
         return replace(
             self,
             sources=tuple(self.sources[k] for k in kept),
@@ -561,7 +565,8 @@ class Budget:
             alike=self.alike[np.ix_(kept, kept)],
             targets=tuple(self.targets[k] for k in acting),
             gain=gain[acting],
-            modes=tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting)),
+            modes=modes,
+            whole=self.whole or (self if len(modes) < len(self.modes) else None),
         )
 
 
@@ -616,9 +621,9 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    modes, alike = modes_of(source.kept)
-    make = make.with_modes(modes, alike, responses(source.kept, rows, modes))
     network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    modes, correlations = modes_of(source.kept, steady_paths(network))
+    make = make.with_modes(modes, correlations, responses(source.kept, rows, modes))
     seen = KindsSeen.of(source.provenances)
     misfit = misfit_of([misfit_kept(p) for p in source.provenances], network)
     if seen:  # the output takes only what the deviations of kinds leave
@@ -666,7 +671,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
         constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
         if constant:
             out.append(
-                LeftOut(f"the error of constant coefficients ({_listed(constant)}), because the values of '{stage}' do not include it")
+                LeftOut(f"the error of constant coefficients ({listed(constant)}), because the values of '{stage}' do not include it")
             )
     if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
         out.append(LeftOut(SILENT))
@@ -677,16 +682,16 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
     closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
     if closed:
         out.append(
-            LeftOut(f"radiation without gas of {_listed(closed)}, because no record shows at which temperatures its coefficient was found")
+            LeftOut(f"radiation without gas of {listed(closed)}, because no record shows at which temperatures its coefficient was found")
         )
     if not known.values:
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
     if once:
-        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({_listed(once)})", listed=True))
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({listed(once)})", listed=True))
     given = _given(whole)
     if given:
-        out.append(LeftOut(f"inputs without a stated spread ({_listed(given)})", listed=True))
+        out.append(LeftOut(f"inputs without a stated spread ({listed(given)})", listed=True))
     return tuple(out)
 
 
@@ -744,7 +749,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({_listed([a.path for a in loose])})"
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({listed([a.path for a in loose])})"
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
@@ -807,5 +812,6 @@ def first_line(left_out: Sequence[LeftOut], error: float) -> str:
     return f"not counted: {'; '.join(words)}" if words else ""
 
 
-def _listed(paths: Sequence[str]) -> str:
+def listed(paths: Sequence[str]) -> str:
+    """Return the first three of several paths, and how many more there are."""
     return ", ".join(f"'{p}'" for p in paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

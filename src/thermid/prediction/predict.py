@@ -18,7 +18,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.files import TABLE, replacing
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import OperatingPoint, constant_coefficients
+from thermid.fit.discrepancy import OperatingPoint
 from thermid.knowledge.store import LeftOut, Normal, Source, State
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
@@ -35,8 +35,6 @@ from thermid.simulation.transient import simulate
 
 EXACT = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
-GUESSED = 0.25
-"""Shift by radiation that nobody has stated, from which it is spoken of. [K]"""
 FAR = (1.25, 10.0)
 """Ratio of differences, and kelvin of level, from which a coefficient is said to be used far from where it was found."""
 PROBES = 32
@@ -334,8 +332,12 @@ def predicted(
             # from the end of each member to where it settles: as in the straight model
             on = None if own is None else own[-1:] + (end - linear.run[n].kelvin[-1]) + (column[-1:] - column[-2:-1]) @ sources[:, kept]
             rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}, on).final
-    guessed = _guessed(setting, linear)
-    warnings = (*linear.run.warnings, *budget.remarks, *([f"{why.words}, so {count} members were drawn"] if why.words else []), *guessed)
+    warnings = (
+        *linear.run.warnings,
+        *budget.remarks,
+        *([f"{why.words}, so {count} members were drawn"] if why.words else []),
+        *setting.guessed(linear),
+    )
     left, least = _left_out(budget, bands)
     words, standing = _words(setting), budget.standing
     title, course = budget.model.title, budget.scenario.title
@@ -453,32 +455,12 @@ def _words(setting: Setting) -> dict[str, str]:
         far = [f"{p} (found at {at[p]}, here {c})" for p, c in setting.here.items() if p in at and _far(at[p], c)]
         listed = "; ".join(far[:3]) + (f"; and {len(far) - 3} more" if len(far) > 3 else "")
         used = f"extrapolated: {listed}" if far else "used near the conditions of the fit"
-        out[CONSTANT] = f"convection may grow with the difference (exponent 0 to 1/3), radiation with temperature; {used}"
+        out[CONSTANT] = f"in free air convection grows with the difference, and radiation with temperature; {used}"
     if KINDS in out:
         out[KINDS] = next(s.words for s, cause in zip(budget.sources, budget.causes, strict=True) if cause == KINDS)
     if MISFIT in out:
         out[MISFIT] = "residuals of the records that the model was fitted to"
     return out
-
-
-def _guessed(setting: Setting, linear: Linear) -> list[str]:
-    """Return a remark where radiation that nobody has stated shifts a temperature: any emissivity was taken as equally likely."""
-    budget = setting.budget
-    bare = {p for p, c in constant_coefficients(setting.ready.wiring.network).items() if not c.emissivity}
-    names = {m.name: m.path for m in budget.modes if m.kind == "level" and m.path in bare}
-    own = np.array([s.law.mean if s.name in names else 0.0 for s in budget.sources])
-    if not own.any():
-        return []
-    shifts = {n: float((c @ own)[-2]) for n, c in linear.columns.items()}
-    worst = max(shifts, key=lambda n: abs(shifts[n]))
-    if abs(shifts[worst]) < GUESSED:
-        return []
-    surfaces = sorted(names[s.name] for s, size in zip(budget.sources, own, strict=True) if size)
-    listed = ", ".join(surfaces[:3]) + (f" and {len(surfaces) - 3} more" if len(surfaces) > 3 else "")
-    return [
-        f"'{worst}' is shifted by {shifts[worst]:+.2g} K, others by less, because no emissivity is stated: any value from 0 to 0.95 "
-        f"is taken as equally likely. For bare metal this shift is too large. Give the finish or the emissivity of {listed}."
-    ]
 
 
 FURTHEST = 3

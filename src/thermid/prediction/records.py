@@ -7,7 +7,7 @@ followed of that, the constant error of the sensor, and the noise of one reading
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import NormalDist
 from typing import Any
@@ -45,6 +45,8 @@ SURE, STRONG = 3.0, 0.3
 """Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
 WORST = 0.1
 """Length of the stretch that is named as the worst, in lengths of the record. [-]"""
+TOLD = 0.01
+"""Part of the error of a run from which that of the centre of its band is printed beside it."""
 SAME = 1e-6
 """Difference below which two given temperatures are one. [K]"""
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
@@ -73,9 +75,8 @@ class WorstStretch:
 
     def __str__(self) -> str:
         """Return it in words."""
-        return (
-            f"{self.sensor} from {self.begin / 60:.3g} to {self.end / 60:.3g} min: {100 * self.inside:.0f} % inside, RMSE {self.rmse:.2g} K"
-        )
+        span = f"{self.begin / 60:.3g} to {self.end / 60:.3g} min"
+        return f"{self.sensor} from {span}: {100 * self.inside:.0f} % inside, centre off by {self.rmse:.2g} K RMS"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,8 @@ class SensorBand:
     times : array (readings,)               [s]
     measured, predicted : array (readings,) Predicted holds the sensor's constant error, and what is expected of the run's room. [K]
     parts : dict                            Cause -> variance (readings,). [K^2]
+    shift : array (readings,)               What `predicted` differs by from the run of the model with its best values: what constant
+                                            coefficients and the room are expected to be wrong by. Empty for nothing. [K]
     """
 
     sensor: str
@@ -96,6 +99,7 @@ class SensorBand:
     measured: Array
     predicted: Array
     parts: Mapping[str, Array]
+    shift: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def error(self) -> Array:
@@ -112,8 +116,14 @@ class SensorBand:
 
     @property
     def rmse(self) -> float:
-        """Root mean square of measured less predicted. [K]"""
+        """Root mean square of measured less predicted: of the centre of the band. [K]"""
         return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
+
+    @property
+    def rmse_of_run(self) -> float:
+        """Root mean square of measured less the run of the model with its best values, as a verdict has it. [K]"""
+        run = self.predicted - self.shift if self.shift.size else self.predicted
+        return float(np.sqrt(np.mean((self.measured - run) ** 2)))
 
     @property
     def interval_score(self) -> float:
@@ -184,6 +194,7 @@ class RecordPrediction:
             return {
                 "node": b.node,
                 "rmse_K": b.rmse,
+                "rmse_of_run_K": b.rmse_of_run,
                 "inside": b.inside(),
                 "half_width_K": float(b.half_width().mean()),
                 "interval_score_K": b.interval_score,
@@ -212,8 +223,10 @@ class RecordPrediction:
         out = []
         for name, b in self.bands.items():
             causes = ", ".join(f"{c} {100 * s:.0f} %" for c, s in sorted(_shares(b).items(), key=lambda x: -x[1]) if s >= 0.05)
+            errors = f"RMSE of the run {b.rmse_of_run:.3g} K"
+            errors += f", of the centre of its band {b.rmse:.3g} K" if abs(b.rmse - b.rmse_of_run) > TOLD * b.rmse_of_run else ""
             out.append(
-                f"{name:<{width}}  RMSE {b.rmse:.3g} K, {100 * b.inside():.0f} % of the readings inside the 95 % band of "
+                f"{name:<{width}}  {errors}, {100 * b.inside():.0f} % of the readings inside the 95 % band of "
                 f"+- {float(b.half_width().mean()):.2g} K, from {causes}"
             )
         return (*out, f"worst stretch: {self.worst}")
@@ -306,13 +319,13 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     budget, open_ = _with_own(budget, shown, e, seen)
     every = np.unique(np.concatenate([e.times[o.index] for o in e.observations]))
     grid = every[np.unique(np.linspace(0, every.size - 1, min(POINTS, every.size)).round().astype(int))]
-    bands = _banded(budget, known, problem, end, e, shown.blocks, grid, seen)
+    bands, guessed = _banded(budget, known, problem, end, e, shown.blocks, grid, seen)
     listed = (
         LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs") if open_ else None
     )
     left = in_order((*(x for x in budget.omitted if not x.listed), *([listed] if listed else [])))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    told = (*budget.remarks, *_follow_commands(bands, scenario))
+    told = (*budget.remarks, *guessed, *_follow_commands(bands, scenario))
     return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
 
 
@@ -400,9 +413,11 @@ def _banded(
     blocks: Sequence[SensorTrace],
     grid: Array,
     seen: KindsSeen,
-) -> dict[str, SensorBand]:
-    """Return the band of every sensor."""
-    linear = Setting.of(budget, times=grid, options=problem.options).linear([o.node for o in e.observations])
+) -> tuple[dict[str, SensorBand], list[str]]:
+    """Return the band of every sensor, and what nobody stated of constant coefficients."""
+    setting = Setting.of(budget, times=grid, options=problem.options)
+    linear = setting.linear([o.node for o in e.observations])
+    guessed = setting.guessed(linear)
     misfit = _misfit(budget, e)
     still = [k for k, s in enumerate(budget.sources) if s.kind != "misfit"]
     moved = np.concatenate([linear.columns[linear.run[o.node].path][:-1] for o in e.observations])
@@ -420,9 +435,10 @@ def _banded(
         own = slice(k * grid.size, (k + 1) * grid.size)
         at = {c: np.interp(block.times, grid, v[own]) for c, v in parts.items()}
         at[READING] = np.full(block.times.size, _noise(o, problem, seen) ** 2)
-        predicted = block.predicted + np.interp(block.times, grid, shift[own])
-        out[o.sensor] = SensorBand(o.sensor, o.seat, block.times, block.measured, predicted, {c: v for c, v in at.items() if v.any()})
-    return out
+        moved_by = np.interp(block.times, grid, shift[own])
+        causes = {c: v for c, v in at.items() if v.any()}
+        out[o.sensor] = SensorBand(o.sensor, o.seat, block.times, block.measured, block.predicted + moved_by, causes, moved_by)
+    return out, guessed
 
 
 def _noise(o: Observation, problem: Problem, seen: KindsSeen) -> float:

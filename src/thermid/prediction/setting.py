@@ -21,10 +21,11 @@ from thermid.fit.discrepancy import (
     courses,
     ending_settled,
     patterns_of,
+    unsaid_paths,
     with_patterns,
 )
 from thermid.linear_algebra import Array
-from thermid.prediction.budget import Budget, Target, combined
+from thermid.prediction.budget import Budget, Target, combined, listed
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import Simulator, prepare
@@ -33,6 +34,13 @@ from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import MemberTurnings
 from thermid.simulation.solver.problem import Options
 from thermid.simulation.solver.wiring import Wiring
+
+GUESSED = 0.25
+"""Shift, or half-width, by what nobody has stated, from which it is spoken of. [K]"""
+VALUES = ("add", "log", "factor")
+"""Forms of targets that are values."""
+PASSES = 3
+"""Runs in which the patterns of coefficients are found: the first at constant coefficients, each further one where the last expects it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,20 +99,55 @@ class Setting:
         """Return a budget made ready for its scenario, or for a variant of it."""
         asked = budget.scenario if scenario is None else scenario
         chosen: Options | None = options
-        ready = prepare(budget.model, asked, budget.names, every=every, times=times, options=chosen)
-        carriers = {
-            t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in ("add", "log", "factor")
-        }
+
+        def plain(of: Budget) -> Setting:
+            ready = prepare(of.model, asked, of.names, every=every, times=times, options=chosen)
+            own = {t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in of.targets if t.form in VALUES}
+            return cls(of, ready, own)
+
         if not budget.modes:
-            return cls(budget, ready, carriers)
-        patterns, here = _patterns(budget, ready)
-        wiring = ready.wiring
+            return plain(budget)
+        base = made = plain(budget.whole or budget)
+        for _ in range(PASSES):
+            patterns, found = made._patterns()
+            here = made.here or found  # of the run with best values, as the conditions of a fit are
+            made = base._with_patterns(patterns, here)
+        if budget.whole is None:
+            return made
+        left = {(m.path, m.kind) for m in budget.modes}
+        return plain(budget)._with_patterns([p for p in patterns if (p.path, p.kind) in left], here)
+
+    def _with_patterns(self, patterns: Sequence[CoefficientMode], here: Mapping[str, OperatingPoint]) -> Setting:
+        """Return it with the patterns of coefficient modes in a scenario, and the conditions of the coefficients there."""
+        wiring = self.ready.wiring
         network, wide = with_patterns(wiring.network, wiring.scenario, patterns)
         acting = {(p.path, p.kind): tuple(f"scale.{n}" for n in p.names(network.boundaries)) for p in patterns}
-        named = {m.name: acting.get((m.path, m.kind), ()) for m in budget.modes}
-        carriers |= {t: named[t.name] for t in budget.targets if t.form == "mode"}
-        made = Wiring(network, wide, (*ready.free, *(n for names in acting.values() for n in names)))
-        return cls(budget, replace(ready, _wiring=made, _engine=Engine(made)), carriers, here)
+        named = {m.name: acting.get((m.path, m.kind), ()) for m in self.budget.modes}
+        carriers = {**self.carriers} | {t: named[t.name] for t in self.budget.targets if t.form == "mode"}
+        made = Wiring(network, wide, (*self.ready.free, *(n for names in acting.values() for n in names)))
+        return replace(self, ready=replace(self.ready, _wiring=made, _engine=Engine(made)), carriers=carriers, here=here)
+
+    def _patterns(self) -> tuple[tuple[CoefficientMode, ...], dict[str, OperatingPoint]]:
+        """Return the patterns of the modes in the scenario, and the conditions of the coefficients there.
+
+        The run is that of the best values; once there are patterns, that of their means: temperatures that differ by what is expected.
+        """
+        ready, budget = self.ready, self.budget
+        wiring = ready.wiring
+        modes = {m.name for m in budget.modes}
+        means = np.array([s.law.mean if s.name in modes else 0.0 for s in budget.sources])
+        expected = {n: float(v[0]) for n, v in self.values(means[:, None]).items()} if self.here else {}
+        times, found = courses(wiring, ready.engine, ready.vector(expected) if ready.free else None, ready.options)
+        try:
+            rest, _ = ready.settled(expected)
+            acting = {p: c.ends for p, c in constant_coefficients(wiring.network).items() if p in found}
+            found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
+        except SolverError:
+            pass  # nothing settles, so nobody asks for it
+        exponents = {m.path: m.law.mean for m in budget.modes if m.kind == "difference"}
+        every = patterns_of(wiring.network, times, found, budget.conditions, wiring.network.numbers().values, exponents)
+        wanted = {(m.path, m.kind) for m in budget.modes}
+        return tuple(p for p in every if (p.path, p.kind) in wanted), conditions_of([found])
 
     @property
     def still(self) -> dict[str, float]:
@@ -127,6 +170,45 @@ class Setting:
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._after(n)[None, :]
         return Linear(run, settled, columns)
+
+    def guessed(self, linear: Linear) -> list[str]:
+        """Return what nobody has stated of constant coefficients and matters, and which statement would narrow the bands."""
+        unsaid = set(unsaid_paths(self.ready.wiring.network))
+        found = (self._unsaid(linear, unsaid), self._unlit(linear, unsaid))
+        return [words for words in found if words]
+
+    def _unsaid(self, linear: Linear, unsaid: set[str]) -> str:
+        """Return words on coefficients of which no deck states what carries the heat; empty where nothing hangs on it."""
+        budget = self.budget
+        modes = {m.name: m.path for m in budget.modes if m.path in unsaid}
+        own = np.array([s.name in modes for s in budget.sources], dtype=bool)
+        shift, worst = _most(linear, own * budget.means)
+        if not own.any() or not worst:
+            return ""
+        at = linear.columns[worst][-2:-1]
+        wide = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(at).values())))
+        if max(abs(shift), wide) < GUESSED:
+            return ""
+        narrow = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(np.where(own, 0.0, at)).values())))
+        return (
+            f"no deck states what carries the heat of {listed(sorted(set(modes.values())))}: free air, or a fan, a cold plate or leads, "
+            f"behind which a coefficient stays constant. Both are taken as equally likely, which shifts '{worst}' by {shift:+.2g} K, "
+            f"others by less. State carried_by: with 'fan', 'cold plate' or 'leads' the band of '{worst}', +- {wide:.2g} K, becomes "
+            f"+- {narrow:.2g} K about the run of the model; with 'free air' the shift doubles, and the band narrows too"
+        )
+
+    def _unlit(self, linear: Linear, unsaid: set[str]) -> str:
+        """Return words on radiation that nobody has stated where the heat goes into free air; empty where nothing hangs on it."""
+        bare = {p for p, c in constant_coefficients(self.ready.wiring.network).items() if not c.emissivity and p not in unsaid}
+        modes = {m.name: m.path for m in self.budget.modes if m.kind == "level" and m.path in bare}
+        shift, worst = _most(linear, np.array([s.law.mean if s.name in modes else 0.0 for s in self.budget.sources]))
+        if abs(shift) < GUESSED:
+            return ""
+        return (
+            f"'{worst}' is shifted by {shift:+.2g} K, others by less, because no emissivity is stated: any value from 0 to 0.95 "
+            f"is taken as equally likely. For bare metal this shift is too large. Give the finish or the emissivity of "
+            f"{listed(sorted(set(modes.values())))}."
+        )
 
     def _chain(self) -> Array:
         """Return what a unit of each source does to the free names (free, sources)."""
@@ -197,17 +279,8 @@ class Setting:
         return Drawn({n: traces + after[n] for n, traces in found.items()}, {n: t.shifted(after[n][0]) for n, t in turnings.items()}, many)
 
 
-def _patterns(budget: Budget, ready: Simulator) -> tuple[tuple[CoefficientMode, ...], dict[str, OperatingPoint]]:
-    """Return the patterns of a budget's modes in a scenario, and the conditions of its coefficients there."""
-    wiring = ready.wiring
-    network = wiring.network
-    times, found = courses(wiring, ready.engine, ready.vector({}) if ready.free else None, ready.options)
-    try:
-        rest, _ = ready.settled()
-        acting = {p: c.ends for p, c in constant_coefficients(network).items() if p in found}
-        found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
-    except SolverError:
-        pass  # nothing settles, so nobody asks for it
-    every = patterns_of(network, times, found, budget.conditions, network.numbers().values)
-    wanted = {(m.path, m.kind) for m in budget.modes}
-    return tuple(p for p in every if (p.path, p.kind) in wanted), conditions_of([found])
+def _most(linear: Linear, means: Array) -> tuple[float, str]:
+    """Return the largest shift at the end by means (sources,) of some sources [K], and its node."""
+    shifts = {n: float((c @ means)[-2]) for n, c in linear.columns.items()}
+    worst = max(shifts, key=lambda n: abs(shifts[n]), default="")
+    return shifts.get(worst, 0.0), worst

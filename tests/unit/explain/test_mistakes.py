@@ -83,9 +83,11 @@ def test_a_good_fit_is_not_looked_at_and_a_wrong_model_is_not_blamed() -> None:
     assert [m.kind for m in find_mistakes(small).named if m.kind in ("unit", "exchanged", "per cent", "node")] == []
 
 
-def test_what_cannot_be_run_names_nothing() -> None:
+def test_what_cannot_be_run_names_nothing_and_says_why() -> None:
     bad = replace(asked(), local={"nowhere": LocalSpec("20 [degC]")})
-    assert find_mistakes(bad) == Mistakes("pair")
+    found = find_mistakes(bad)
+    assert found.named == ()
+    assert "'nowhere'" in found.failed
 
 
 GYRO = """
@@ -167,3 +169,19 @@ def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_pat
 def test_a_course_may_not_have_the_name_of_a_load(tmp_path: Path) -> None:
     with pytest.raises(td.ThermidError, match=r"'heat' is a load of the deck\. Give the course another name; it adds to the"):
         td.run_stages(gyro(tmp_path, "step", COURSE.replace("start_up", "heat")))
+
+
+def test_a_search_that_cannot_begin_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error of the first run ended without a word, as if a search had found nothing."""
+    from thermid.errors import SolverError
+    from thermid.explain import mistakes
+
+    def broken(*_: object, **__: object) -> None:
+        raise SolverError("the run of 'bench' did not reach its end.")
+
+    monkeypatch.setattr(mistakes.RoughFit, "solve", broken)
+    found = find_mistakes(asked())
+    assert found.failed == "the run of 'bench' did not reach its end."
+    (line,) = found.lines()
+    assert line.endswith(f": {found.failed}")
+    assert found.to_dict()["failed"] == found.failed

@@ -10,7 +10,7 @@ import pytest
 from thermid.errors import IdentificationError
 from thermid.fit.calibrate import calibrate
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import EXPONENT, Discrepancy, discrepancy, operating_points
+from thermid.fit.discrepancy import EXPONENTS, UNSAID, Discrepancy, discrepancy, operating_points
 from thermid.knowledge.values import load_values
 from thermid.measure import Channel, Record
 from thermid.model.tree.model import Model
@@ -105,7 +105,7 @@ def test_at_the_conditions_of_the_fit_little_is_added(constant: Calibration) -> 
     assert told.error < 0.25 * far.error
     assert "used near the conditions of the fit" in str(predict(constant, near))
     text = str(predict(constant, FAR))
-    assert "used further off: skin (found at " in text
+    assert "extrapolated: skin (found at " in text
     assert "constant coefficients 9" in text
 
 
@@ -116,7 +116,7 @@ def test_what_the_deck_knows_is_used() -> None:
     share = of_fit.means["skin", "level"]
     assert share == pytest.approx(0.5 * 5.670374e-8 * 4 * of_fit.conditions["skin"].level ** 3 / emissive[HTC].value)
     assert of_fit.sizes["skin", "level"] == pytest.approx(0.15 * share)
-    assert of_fit.means["skin", "difference"] == pytest.approx(EXPONENT / 2 * (1 - share))
+    assert of_fit.means["skin", "difference"] == pytest.approx(UNSAID * np.mean(EXPONENTS) * (1 - share))
     known = lawful()
     exact = calibrate(known, bench(known), ["skin.htc.coefficient", MASS])
     assert discrepancy(exact).sizes == {}
@@ -127,14 +127,16 @@ def test_radiation_that_nobody_has_stated_is_said_to_shift_too_far() -> None:
     """Bare metal in a hot room: the guess makes it worse than no shift would, and says so; with the finish it is right and silent."""
     truth, hot = lawful(0.25, 0.05), FAR.with_(loads={"heat": "4 [W]"})
     end = simulate(truth, hot)["case"].final
-    known = calibrate(box({"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
-    guessed, told = (predict(c, hot) for c in (fitted(truth), known))
+    still = {"surfaces/skin/carried_by": "free air"}
+    bare = calibrate(box(still), bench(truth), [HTC, MASS])
+    known = calibrate(box(still | {"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
+    guessed, told = (predict(c, hot) for c in (bare, known))
     plain = predict(fitted(truth), hot, discrepancy=False)["case"].final.celsius
     assert abs(guessed["case"].final.celsius - end) > abs(plain - end)
     assert abs(told["case"].final.celsius - end) < 0.5 * abs(plain - end)
     (warning,) = guessed.warnings
     assert "K, others by less, because no emissivity is stated: any value from 0 to 0.95 is taken as equally" in warning
-    assert warning.endswith("Give the finish or the emissivity of skin.")
+    assert warning.endswith("Give the finish or the emissivity of 'skin'.")
     assert told.warnings == ()
 
 
@@ -175,7 +177,7 @@ def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calib
 
 def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:
     bare = replace(constant.values, provenance={})
-    with pytest.raises(IdentificationError, match="does not hold what its fit left open"):
+    with pytest.raises(IdentificationError, match="does not include the data on its model discrepancy"):
         discrepancy(replace(constant, values=bare))
 
 

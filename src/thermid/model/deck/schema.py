@@ -29,7 +29,7 @@ from thermid.model.deck.fields import (
     curve_of,
 )
 from thermid.model.laws.curves import Curve, limited
-from thermid.model.laws.options import Box, StandsFor
+from thermid.model.laws.options import Box, CarriedBy, StandsFor
 from thermid.model.laws.signal import literal
 from thermid.model.laws.stores import Supercooling, melting, tabulated
 from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
@@ -49,7 +49,7 @@ from thermid.model.parts.elements import (
     gap_scatter,
 )
 from thermid.model.parts.facing import Facing, degrees
-from thermid.model.parts.kinds import KINDS
+from thermid.model.parts.kinds import CARRIED_BY, KINDS
 from thermid.model.parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
 from thermid.physics.view_factors import SHAPES, Placed, placed_factors
@@ -173,6 +173,7 @@ class SurfaceTable(ElementTable):
     facing: Annotated[Facing, reads(FacingTable, _facing)] | None = None
     sees: str = ""
     radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
+    carried_by: CarriedBy | None = None
     htc_control: Controlled | None = None
     emissivity_control: Controlled | None = None
 
@@ -192,6 +193,7 @@ class SurfaceTable(ElementTable):
         if self.sees and self.radiates_to:
             raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""))
         words = self.words(KINDS["convection"].words)
+        _check_carried_by(fields, words, where(""))
         controls = {what: control_names(given) for what in ("htc", "emissivity") if (given := getattr(self, f"{what}_control"))}
         if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
             raise DeckError(
@@ -202,6 +204,16 @@ class SurfaceTable(ElementTable):
             raise DeckError("htc_control has nothing to control. Give htc or effective_htc.", where("htc_control"))
         sees = self.sees or self.radiates_to
         return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
+
+
+def _check_carried_by(fields: Mapping[str, Parameter], words: Mapping[str, str], where: str) -> None:
+    """Refuse a word on what carries the heat beside a coefficient that has a law of its own, or none."""
+    if CARRIED_BY in words and not {"htc", "effective_htc"} & set(fields):
+        raise DeckError(
+            f"{CARRIED_BY} states what carries the heat behind a constant coefficient: effective_htc, or htc as a number. Here the law "
+            "is given, or nothing convects; leave it out.",
+            where,
+        )
 
 
 class Gap(StrictTable):
@@ -642,6 +654,7 @@ class _ConductorTable(ElementTable):
     aspect: str = ""
     control: Controlled | None = None
     reversible: bool = False
+    carried_by: CarriedBy | None = None
 
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
@@ -652,6 +665,7 @@ class _ConductorTable(ElementTable):
         if shape is not None and not kind.tabulated:
             raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
+        _check_carried_by(fields, words, where(""))
         if self.kind == "gas":
             _check_gap(fields, words, where(""))
         if self.kind == "flow":

@@ -7,3 +7,4 @@ from typing import Literal
 Source = Literal["published", "datasheet", "derived", "assumed", "measured"]
 Box = Literal["white", "light grey", "dark grey", "black"]
 StandsFor = Literal["air", "walls", "air and walls"]
+CarriedBy = Literal["free air", "fan", "cold plate", "leads"]

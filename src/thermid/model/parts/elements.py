@@ -102,7 +102,7 @@ class Surface:
     fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity and absorptance [-].
     sees : str          What it radiates to; `to` when empty.
     finish : str        Finish that the emissivity comes from; empty where it is given itself.
-    words : dict        Correlation and orientation, where the coefficient comes from one.
+    words : dict        Correlation and orientation, where the coefficient comes from one; what carries the heat behind a constant one.
     facing : Facing     Where it looks, for sun and sky; None where nobody said.
     controls : dict     htc or emissivity -> controls whose shares it is multiplied by; what an emissivity absorbs goes with it.
     """

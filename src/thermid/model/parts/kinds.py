@@ -84,6 +84,10 @@ class Law:
 Fields = Mapping[str, Number]
 
 
+CARRIED_BY = "carried_by"
+"""Word of an element: what carries the heat behind its constant coefficient."""
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of conductor.
@@ -326,7 +330,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         _convection,
         (_ALL({"htc", "area"}), _ALL({"htc.coefficient", "htc.exponent", "area"}), _ALL({"htc.length", "area"})),
         {"htc": "W/(m^2 K)", "htc.coefficient": "W/(m^2 K)", "htc.exponent": "1", "htc.length": "m", **_AREA},
-        words=_ALL({"htc.correlation", "htc.orientation"}),
+        words=_ALL({"htc.correlation", "htc.orientation", CARRIED_BY}),
     ),
     "gas": Kind(
         _gas,
@@ -335,7 +339,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         optional=_ALL({"accommodation", "convection_factor"}),
         words=_ALL({"gas", "tilt", "aspect"}),
     ),
-    "effective": Kind(_effective, (_ALL({"effective_htc", "area"}),), {"effective_htc": "W/(m^2 K)", **_AREA}),
+    "effective": Kind(_effective, (_ALL({"effective_htc", "area"}),), {"effective_htc": "W/(m^2 K)", **_AREA}, words=_ALL({CARRIED_BY})),
     "radiation": Kind(
         _radiation, (_ALL({"emissivity", "area"}), _ALL({"exchange_factor", "area"})), {"emissivity": "1", "exchange_factor": "1", **_AREA}
     ),

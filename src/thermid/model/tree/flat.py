@@ -288,7 +288,7 @@ def _surface(
     if surface.is_effective:
         sees = names.seen(owner, prefix, surface.sees or surface.to, key)
         held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
-        held = replace(held, controls=by.get("htc", ()))
+        held = replace(held, controls=by.get("htc", ()), words=surface.words)
         if not emissivity or sees == b:
             return [held]
         left = {"emissivity": emissivity, "area": fields["area"]}
