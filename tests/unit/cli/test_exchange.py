@@ -147,7 +147,7 @@ def test_coefficients_are_compared(call: Call) -> None:
     [
         (
             ("export", "DECK", "--as", "spyce"),
-            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave, c, spice, sinda, esatan.",
+            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave, c, spice, sinda, esatan, fmu.",
         ),
         (
             ("export", "DECK", "--as", "spice", "--step", "5 [s]"),

@@ -368,34 +368,38 @@ class KernelProblem:
 
     def _laid_out(self, refuse: bool) -> Any:
         """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
+        return _kernel.Problem(**self.arrays(refuse))
+
+    def arrays(self, refuse: bool = True) -> dict[str, Any]:
+        """Return what the kernel's problem is made of, by name: indices as arrays of int32, tables and inputs as lists."""
         s = self.wiring.structure
         tables: list[tuple[Array, Array, Array]] = []
         conductors = [row_form(p.row.kernel, p, tables, refuse) for p in s.conductors]
         loads = [row_form(LOADS[p.row.form], p, tables, refuse) for p in s.loads]
         follow = self._followed(tables) if s.factors else None
-        return _kernel.Problem(
-            capacity=ints(s.capacity),
-            coef_input=ints(s.coefficient_input),
-            boundary_gain=ints(s.gain),
-            boundary_offset=ints(s.offset),
-            conductor_kind=ints([r[0] for r in conductors]),
-            conductor_a=ints([p.a for p in s.conductors]),
-            conductor_b=ints([p.b for p in s.conductors]),
-            conductor_coef=ints([r[1] for r in conductors]).reshape(-1, 4),
-            conductor_table=ints([r[2] for r in conductors]),
-            load_kind=ints([r[0] for r in loads]),
-            load_node=ints([p.node for p in s.loads]),
-            load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
-            load_sensor=ints([p.follows for p in s.loads]),
-            load_table=ints([r[2] for r in loads]),
-            load_control=ints([p.control for p in s.loads]),
-            control_kind=ints([CONTROLS[p.kind].kind for p in s.controls]),
-            control_sensor=ints([p.sensor for p in s.controls]),
-            control_coef=ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
-            tables=tables,
-            inputs=[kernel_input(given) for given in self.inputs],
-            follow=follow,
-        )
+        return {
+            "capacity": ints(s.capacity),
+            "coef_input": ints(s.coefficient_input),
+            "boundary_gain": ints(s.gain),
+            "boundary_offset": ints(s.offset),
+            "conductor_kind": ints([r[0] for r in conductors]),
+            "conductor_a": ints([p.a for p in s.conductors]),
+            "conductor_b": ints([p.b for p in s.conductors]),
+            "conductor_coef": ints([r[1] for r in conductors]).reshape(-1, 4),
+            "conductor_table": ints([r[2] for r in conductors]),
+            "load_kind": ints([r[0] for r in loads]),
+            "load_node": ints([p.node for p in s.loads]),
+            "load_coef": ints([r[1] for r in loads]).reshape(-1, 4),
+            "load_sensor": ints([p.follows for p in s.loads]),
+            "load_table": ints([r[2] for r in loads]),
+            "load_control": ints([p.control for p in s.loads]),
+            "control_kind": ints([CONTROLS[p.kind].kind for p in s.controls]),
+            "control_sensor": ints([p.sensor for p in s.controls]),
+            "control_coef": ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
+            "tables": tables,
+            "inputs": [kernel_input(given) for given in self.inputs],
+            "follow": follow,
+        }
 
     def _followed(self, tables: list[tuple[Array, Array, Array]]) -> dict[str, Any]:
         """Return what follows temperatures as the kernel takes it; tables of controls join those of rows."""

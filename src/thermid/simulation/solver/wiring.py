@@ -643,6 +643,10 @@ class Wiring:
         jacobian = _csr(coefficients, free) if free else None
         return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
 
+    def every(self, a: Assembled, given: Mapping[str, Number]) -> list[Number]:
+        """Return the coefficients of an assembly as they came out of `given`: formulas where those are formulas."""
+        return self._coefficients(a.numbers, a.reduced, a.offsets, given)
+
     def _offset(self, boundary: str, given: Mapping[str, Number]) -> Number:
         """Return the constant part of a boundary's temperature. [K]"""
         if boundary not in given:
