@@ -77,7 +77,9 @@ def taken() -> dict[str, bytes]:
         return cards
     try:
         return cards | _shot()
-    except Exception as error:  # a browser fails in its own ways; pages without these pictures are better than none
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # also an outcome of pytest, by which the helper of the browser fails
         print(f"pictures of the studio could not be taken, cards stand in their place: {error}", file=sys.stderr)
         return cards
 
