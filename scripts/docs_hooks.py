@@ -21,6 +21,9 @@ from thermid import errors
 
 sys.path.append(str(Path(__file__).parent))
 
+import gallery
+import notebooks
+import studio_pictures
 from formulas import mathml
 
 if TYPE_CHECKING:
@@ -71,6 +74,9 @@ PICTURES = {
 }
 """Picture -> the page whose files are at hand, if any, and the arguments of `thermid` that make it, before `--to`."""
 
+MADE = {*PICTURES, *(f"pictures/gallery/{name}.svg" for name in gallery.GALLERY), *studio_pictures.names()}
+"""Every picture of the site that no file of the repository holds, but those of the notebooks."""
+
 FENCE = re.compile(r"^```(\w+)((?: +\S+)*) *$", re.MULTILINE)
 DECK = re.compile(r"^```(?:toml deck|csv file) (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FORMULA = re.compile(r"^```formula *(\S*).*?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -85,6 +91,9 @@ def virtual_pages() -> dict[str, str]:
     pages["reference/errors.md"] = _errors()
     pages["commands.md"] = commands()
     pages["decisions/index.md"] = decisions()
+    pages["gallery.md"] = gallery.page()
+    pages["notebooks/index.md"] = notebooks.contents()
+    pages |= {f"notebooks/{name}.md": notebooks.plain(path) for name, path in notebooks.notebooks().items()}
     return pages | {name: (ROOT / file).read_text(encoding="utf-8") for name, file in ROOT_PAGES.items()}
 
 
@@ -244,8 +253,17 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     from mkdocs.structure.files import File
 
     pages = virtual_pages()
+    for name, path in notebooks.notebooks().items():
+        text, figures = notebooks.page(name, notebooks.executed(path))
+        pages[f"notebooks/{name}.md"] = text
+        for place, picture in figures.items():
+            files.append(File.generated(config, f"notebooks/{place}", content=picture))
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
+    for name, picture in gallery.drawn().items():
+        files.append(File.generated(config, f"pictures/gallery/{name}.svg", content=picture))
+    for name, data in studio_pictures.taken().items():
+        files.append(File.generated(config, f"pictures/studio/{name}.png", content=data))
     with tempfile.TemporaryDirectory() as folder:
         for name in PICTURES:
             files.append(File.generated(config, name, content=draw(name, Path(folder))))
@@ -256,7 +274,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turn a page as the repository has it into one as the site has it."""
+    """Turn a page as the repository has it into one as the site has it; how-tos are found first, single decisions in their list alone."""
+    place = page.file.src_uri
+    if place.startswith("howto/"):
+        page.meta["search"] = {"boost": 4}
+    elif place.startswith(("decisions/", "changelog", "reference/")):
+        page.meta["search"] = {"exclude": True} if re.match(r"decisions/\d", place) else {"boost": 0.5}
     return turned(markdown, page.file.src_uri)
 
 

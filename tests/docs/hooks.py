@@ -8,7 +8,8 @@ from .pages import ROOT
 
 sys.path.append(str(ROOT / "scripts"))
 
-from docs_hooks import PICTURES, commands, rooms, turned, virtual_pages
+import notebooks
+from docs_hooks import MADE, PICTURES, commands, rooms, turned, virtual_pages
 from formulas import mathml
 
-__all__ = ["PICTURES", "commands", "mathml", "rooms", "turned", "virtual_pages"]
+__all__ = ["MADE", "PICTURES", "commands", "mathml", "notebooks", "rooms", "turned", "virtual_pages"]

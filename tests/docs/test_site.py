@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -15,7 +16,7 @@ import typer
 import thermid as td
 from thermid.cli import app as cli
 
-from .hooks import commands, mathml, rooms, turned
+from .hooks import commands, mathml, notebooks, rooms, turned
 from .pages import ROOT, tables
 
 ASKED = {
@@ -60,7 +61,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.importorskip(module, reason=f"{module} is not installed (extra docs)")
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "THERMID_DOCS_STUDIO": "0"},
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "WARNING" not in done.stderr
     return folder
@@ -69,6 +77,26 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[str, Found]:
     return {str(path.relative_to(site)): Found(path) for path in sorted(site.rglob("*.html"))}
+
+
+def test_the_site_shows_the_product(site: Path, pages: dict[str, Found]) -> None:
+    def pictures(page: str) -> list[str]:
+        return [a for a in pages[page].asked if a.rpartition(".")[2] in ("svg", "png") and "pictures/" in a]
+
+    assert len(pictures("index.html")) >= 3
+    assert len(pictures("gallery.html")) >= 12
+    assert len(pictures("studio.html")) >= 6
+    for name in notebooks.notebooks():
+        assert len(pictures(f"notebooks/{name}.html")) >= 1, name
+    assert len(notebooks.notebooks()) >= 6
+
+
+def test_a_howto_is_found_before_everything_else(site: Path) -> None:
+    """The index holds no single decision, and weighs how-tos; the site in a browser answers to words (test_site_browser)."""
+    index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
+    assert [d["location"] for d in index if re.match(r"decisions/\d", d["location"])] == []
+    assert {d["boost"] for d in index if d["location"].startswith("howto/")} == {4}
+    assert {d.get("boost", 1) for d in index if d["location"].startswith("tutorial")} == {1}
 
 
 def test_every_public_name_is_in_the_reference(site: Path, pages: dict[str, Found]) -> None:

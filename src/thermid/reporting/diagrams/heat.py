@@ -25,6 +25,8 @@ LETTERS: Final = 11.0
 """Size of letters. [px]"""
 TALL: Final = 46.0
 """Height of a chip. [px]"""
+MOST_APART: Final = 112.0
+"""Height of a row of chips at most. [px]"""
 SCALE: Final = 34.0
 """Height of the strip with the scale below. [px]"""
 
@@ -64,11 +66,11 @@ def heat_map(
     flows : dict            Conductor -> heat flow from its first end to its second. [W]
     powers : dict           Load -> power. [W]
     title : str             What a screen reader says; the model's title by default.
-    size : (width, height)  [px]
+    size : (width, height)  The height at most. [px]
     """
     flat = flatten(model)
     links = _links(flat, flows)
-    chips = _chips(flat, temperatures, flows, powers, links, size)
+    chips, size = _chips(flat, temperatures, flows, powers, links, size)
     of = {node: chip for chip in chips for node in chip.nodes}
     shown = {c.name: c.kelvin for c in chips}
     said = escape(
@@ -129,8 +131,8 @@ def _chips(
     powers: Mapping[str, float],
     links: Mapping[tuple[str, str], float],
     size: tuple[float, float],
-) -> list[Chip]:
-    """Return the chips at their places."""
+) -> tuple[list[Chip], tuple[float, float]]:
+    """Return the chips at their places, and the size that they need. [px]"""
     joined = {n for pair in links for n in pair}
     paths = [n.path for n in flat.nodes if n.fields or n.path in joined]
     names = _names(paths)
@@ -146,7 +148,7 @@ def _chips(
             weight[i, j] = weight[j, i] = weight[i, j] + 1.0
     room = size[1] - SCALE
     columns, rows, spots = grid(weight, TALL + 14.0, room)
-    wide, high = size[0] / columns, room / rows
+    wide, high = size[0] / columns, min(room / rows, MOST_APART)
     into: dict[str, float] = {}
     for load in flat.loads:
         into[load.node] = into.get(load.node, 0.0) + float(powers.get(load.path, 0.0))
@@ -161,7 +163,7 @@ def _chips(
         hottest = max(temperatures[n] for n in nodes)
         put, gone = (sum(table.get(n, 0.0) for n in nodes) for table in (into, lost))
         out.append(Chip(key, nodes, hottest, put, gone, (column + 0.5) * wide, (row + 0.5) * high, min(wide - 46.0, 150.0)))
-    return out
+    return out, (size[0], rows * high + SCALE)
 
 
 def _lines(links: Mapping[tuple[str, str], float], of: Mapping[str, Chip], chips: Sequence[Chip]) -> Iterator[str]:

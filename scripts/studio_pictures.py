@@ -1,0 +1,148 @@
+"""Pictures of the studio and of a report for the site, taken by a headless browser when the pages are built.
+
+Where no Chromium with its driver is installed, a card that says so stands in their place.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+sys.path.append(str(Path(__file__).parent))
+
+PARTS = {
+    "studio": ("tune", "body", "The studio: stages, model, curves, parameters"),
+    "stages": ("tune", "nav", "Stages of the campaign"),
+    "model": ("tune", "#model", "The model at one time: temperatures, heat flows, powers"),
+    "curves": ("tune", "#curves", "Measured and simulated readings with residuals"),
+    "parameters": ("tune", "#tuning", "One track for each parameter"),
+    "levels": ("tune", "#levels", "Coefficients by level"),
+    "scenario": ("scenario", "body", "A profile of a standard, run on the model with its limits"),
+    "bench": ("bench", "body", "A log as it grows"),
+    "report": ("report", "body", "The first screen of a report"),
+}
+"""Name of a picture -> the view, the part of it, and what it shows."""
+
+
+def names() -> list[str]:
+    """Return the names of the pictures."""
+    return [f"pictures/studio/{name}.png" for name in PARTS]
+
+
+def able() -> bool:
+    """Return whether pictures can be taken here."""
+    try:
+        import selenium  # noqa: F401
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+    except ImportError:
+        return False
+    return shutil.which("chromium") is not None and shutil.which("chromedriver") is not None
+
+
+def missing(title: str) -> bytes:
+    """Return a card in place of a picture that could not be taken, as PNG.
+
+    Parameters
+    ----------
+    title : str     What the picture would show.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from io import BytesIO
+
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 2.0))
+    figure.text(0.5, 0.58, title, ha="center", va="center", fontsize=12)
+    figure.text(0.5, 0.34, "This picture needs Chromium and its driver where the pages are built.", ha="center", va="center", fontsize=9)
+    out = BytesIO()
+    figure.savefig(out, format="png")
+    return out.getvalue()
+
+
+def taken() -> dict[str, bytes]:
+    """Return every picture by its name, as PNG."""
+    cards = {name: missing(title) for name, (_, _, title) in PARTS.items()}
+    if not able() or os.environ.get("THERMID_DOCS_STUDIO") == "0":
+        return cards
+    try:
+        return cards | _shot()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # also an outcome of pytest, by which the helper of the browser fails
+        print(f"pictures of the studio could not be taken, cards stand in their place: {error}", file=sys.stderr)
+        return cards
+
+
+def _shot() -> dict[str, bytes]:
+    """Return every picture that a browser can take, by its name, as PNG."""
+    from screenshots import bench, scenario, tune
+    from tests.studio.browser import Page, logs_of, studio
+
+    out: dict[str, bytes] = {}
+    examples = ROOT / "examples"
+    with tempfile.TemporaryDirectory() as made:
+        work = Path(made)
+        for name in ("02_stack", "04_campaign"):
+            shutil.copytree(examples / name, work / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
+        shutil.copy(examples / "thermid.toml", work)
+        shutil.copy(examples / "06_swap" / "EleGFO_v2.toml", work / "04_campaign")
+        logs = logs_of(examples / "04_campaign" / "make_logs.py", work / "04_campaign" / "logs")
+        campaign, unit = str(work / "04_campaign" / "campaign.toml"), str(examples / "sisnav" / "qualification" / "decks" / "m_Sd.toml")
+        views: dict[str, tuple[tuple[str, ...], Callable[[Page], None]]] = {
+            "tune": ((campaign,), tune),
+            "scenario": ((unit,), scenario),
+            "bench": ((campaign, "--log", str(logs / "stack_bench.csv")), bench),
+        }
+        for view, (arguments, ready) in views.items():
+            with studio(*arguments) as address:
+                page = Page(address)
+                try:
+                    ready(page.open())
+                    out |= _parts(page, view)
+                finally:
+                    page.close()
+        report = work / "page.html"
+        subprocess.run([sys.executable, "-m", "thermid", "report", campaign, "--to", str(report)], check=True, capture_output=True)
+        page = Page(report.as_uri())
+        try:
+            page.driver.get(report.as_uri())
+            out |= _parts(page, "report")
+        finally:
+            page.close()
+    return out
+
+
+def _parts(page: object, view: str) -> dict[str, bytes]:
+    """Return the pictures of one view: its first screen, or one of its parts."""
+    driver = page.driver  # type: ignore[attr-defined]
+    size = {"width": 1600, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    driver.execute_script("window.scrollTo(0, 0)")
+    out = {}
+    for name, (of, part, _) in PARTS.items():
+        if of != view:
+            continue
+        if part == "body":
+            shot = driver.execute_cdp_cmd("Page.captureScreenshot", {"fromSurface": True})["data"]
+            out[name] = base64.b64decode(shot)
+        else:
+            out[name] = driver.find_element("css selector", part).screenshot_as_png
+    return out
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in taken().items():
+        (folder / f"{name}.png").write_bytes(data)
