@@ -34,7 +34,9 @@ def extension(point: str, where: str) -> Callable[..., Any]:
     except ModuleNotFoundError as error:
         if error.name != part:
             raise
-        raise ThermidError(f"{point} needs the part {part}, which is not installed. Install the whole of thermid.", where) from None
+        raise ThermidError(
+            f"{point} needs the package {part}, which is not installed. Install thermid completely: pip install thermid", where
+        ) from None
     return getattr(loaded, function)  # type: ignore[no-any-return]
 
 

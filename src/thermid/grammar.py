@@ -72,7 +72,7 @@ def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[st
         if branch and not isinstance(given, Mapping):
             faults.setdefault(
                 ".".join(path),
-                "a value is a text with its unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.",
+                "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.",
             )
         elif not branch or branch == _meant(error, fault["loc"], given):
             faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
@@ -107,14 +107,14 @@ def _meant(error: ValidationError, location: tuple[int | str, ...], given: Any) 
 def _text(fault: Any, path: list[str], branch: str, grammar: type[BaseModel]) -> str:
     """Return what is wrong and the nearest name."""
     if path[2:] == ["between"]:
-        return 'names two ends: between = ["a", "b"].'
+        return 'needs two ends: between = ["a", "b"].'
     if fault["type"] == "extra_forbidden":
-        return f"'{path[-1]}' is no field here.{nearest(path[-1], _fields(path[:-1], branch, grammar))}"
+        return f"'{path[-1]}' is not a field here.{nearest(path[-1], _fields(path[:-1], branch, grammar))}"
     if fault["type"] == "missing":
         return "is missing."
     if fault["type"] == "string_pattern_mismatch":
         words = fault["ctx"]["pattern"].strip("^()$").split("|")
-        return f"'{fault['input']}' is none of {', '.join(words)}.{nearest(str(fault['input']), words)}"
+        return f"'{fault['input']}' is not one of {', '.join(words)}.{nearest(str(fault['input']), words)}"
     return f"{fault['msg'][0].lower()}{fault['msg'][1:]}."
 
 

@@ -93,10 +93,10 @@ def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] 
     """
     root = project_root(folder)
     if "\0" in name:
-        raise DeckError(f"{name!r} is no file name.", where)
+        raise DeckError(f"{name!r} is not a file name.", where)
     path = (folder / name).resolve()
     if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
-        raise DeckError(f"'{name}' leaves the project ({MARKER} marks its root). Copy the file into the project.", where)
+        raise DeckError(f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project.", where)
     return path
 
 
@@ -117,7 +117,7 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise DeckError(f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}")
     if path.stat().st_size > LARGEST_FILE:
         raise DeckError(
-            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text of a few kilobytes. Put tables of data into a log.",
+            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text file of a few kilobytes. Move tables of data into a log.",
             path.name,
         )
     try:
@@ -127,5 +127,5 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise DeckError("the file is not UTF-8 text.", path.name) from None
     except tomllib.TOMLDecodeError as error:
         raise DeckError(
-            f"this is no TOML: {error}. Texts stand in quotes, numbers with units too; comments begin with #.", path.name
+            f"this is not valid TOML: {error}. Put texts, and numbers with units, in quotes; begin comments with #.", path.name
         ) from None

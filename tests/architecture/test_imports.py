@@ -105,7 +105,7 @@ ARROWS |= {
     "reporting.diagrams": LOW,
     "reporting.pages": LOW
     | FIT
-    | {"campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
+    | {"sourced", "campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.qualification": LOW | {"sourced", "judge", "qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
     "site": FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "sourced"},
     "acquire": FOUNDATION | MEASURE,

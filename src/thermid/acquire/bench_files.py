@@ -59,7 +59,7 @@ def _content(place: Path, missing: str) -> dict[str, Any]:
     try:
         return parse_toml(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"it is no TOML: {error}.", place.name) from None
+        raise RecordError(f"it is not valid TOML: {error}.", place.name) from None
 
 
 def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
@@ -71,15 +71,17 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such sensor map. `thermid log --identify` makes one.")
+    content = _content(place, "the sensor map does not exist. Make one with `thermid log --identify`.")
     tables = content.get("sensors")
     if not isinstance(tables, Mapping) or not tables or set(content) != {"sensors"}:
-        raise RecordError('a sensor map has tables such as [sensors.T1] with rom = "28...", and nothing else.', place.name)
+        raise RecordError('a sensor map may hold only tables such as [sensors.T1] with rom = "28...".', place.name)
     out: dict[str, MappedSensor] = {}
     for name, table in tables.items():
         sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
         if sensor.rom in out:
-            raise RecordError(f"ROM {sensor.rom} is that of '{out[sensor.rom].name}' too.", f"{place.name}, sensors.{name}")
+            raise RecordError(
+                f"ROM {sensor.rom} is also given for '{out[sensor.rom].name}'. Correct one of them.", f"{place.name}, sensors.{name}"
+            )
         out[sensor.rom] = sensor
     return out
 
@@ -93,11 +95,12 @@ def _sensor(name: str, table: object, where: str) -> MappedSensor:
     if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
         raise RecordError(f"ROM '{table['rom']}' is not 16 hexadecimal digits.", where)
     if not rom_is_good(rom):
-        raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
+        raise RecordError(f"ROM {rom} has a wrong CRC, so a digit is mistyped. Correct it.", where)
     certificate = SensorCertificate.read(table["certificate"], f"{where}.certificate") if "certificate" in table else None
     if certificate is not None and abs(certificate.offset) > _BROKEN:
         raise RecordError(
-            f"its offset is {certificate.offset:g} K; a sensor that is off by more than {_BROKEN:g} K is broken.", f"{where}.certificate"
+            f"its offset is {certificate.offset:g} K; a sensor with an offset above {_BROKEN:g} K is defective. Replace it.",
+            f"{where}.certificate",
         )
     return MappedSensor(name, rom, certificate, str(table.get("note", "")))
 
@@ -168,12 +171,12 @@ def load_programme(path: str | Path) -> Programme:
     RecordError        When it is no TOML, times do not increase, a duty is not 0 to 100 %, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such heater programme.")
+    content = _content(place, "the heater programme does not exist. Check the path.")
     was_read(place)
     refuse_unknown(content, _TOP, place.name)
     steps = content.get("steps")
     if not isinstance(steps, list) or not steps:
-        raise RecordError('a programme has steps = [{ at = "0 [s]", heater1 = "40 [%]" }, ...].', place.name)
+        raise RecordError('a heater programme needs steps = [{ at = "0 [s]", heater1 = "40 [%]" }, ...].', place.name)
     times: list[float] = []
     duties: list[tuple[int, int]] = []
     held = (0, 0)
@@ -184,12 +187,12 @@ def load_programme(path: str | Path) -> Programme:
         refuse_unknown(step, _STEP_KEYS, where)
         times.append(amount(step["at"], "s", f"{where}, at"))
         if times[-1] < 0 or (k and times[-1] <= times[-2]):
-            raise RecordError(f"its time {times[-1]:g} s does not follow {times[-2] if k else 0:g} s.", where)
+            raise RecordError(f"its time {times[-1]:g} s is not after {times[-2] if k else 0:g} s.", where)
         held = (_duty(step.get("heater1"), held[0], f"{where}, heater1"), _duty(step.get("heater2"), held[1], f"{where}, heater2"))
         duties.append(held)
     end = None if "end" not in content else amount(content["end"], "s", f"{place.name}, end")
     if end is not None and end <= times[-1]:
-        raise RecordError(f"its end, {end:g} s, does not follow its last step, {times[-1]:g} s.", place.name)
+        raise RecordError(f"its end, {end:g} s, is not after its last step, {times[-1]:g} s.", place.name)
     return Programme(tuple(times), tuple(duties), end)
 
 

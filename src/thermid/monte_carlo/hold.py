@@ -100,7 +100,7 @@ def clock(seconds: float) -> str:
     ('3 h 10 min', '9 min')
     """
     if math.isinf(seconds):
-        return "beyond the scenario"
+        return "longer than the scenario"
     minutes = int(seconds // 60)
     hours, rest = divmod(minutes, 60)
     return f"{hours} h {rest} min" if hours else f"{rest} min"
@@ -182,7 +182,7 @@ class Hold:
         """Return the entry of a limit by the name that was given to it, or by its node."""
         points = [p for p in self.points if name in (p.name, p.node)]
         if not points:
-            raise ScenarioError(f"no limit was given for '{name}'; limits are {', '.join(p.name for p in self.points)}.", self.title)
+            raise ScenarioError(f"no limit was given for '{name}'. Limits: {', '.join(p.name for p in self.points)}.", self.title)
         return points[0]
 
     @property
@@ -190,7 +190,7 @@ class Hold:
         """The answer in one sentence."""
         first, percent = self.points[0], f"{100 * self.confidence:g} %"
         if math.isinf(self.together.hold):
-            return f"{self.scenario}: no limit is passed in {clock(self.times[-1])}, {percent}"
+            return f"{self.scenario}: no limit is exceeded in {clock(self.times[-1])}, {percent}"
         return f"{self.scenario}: {clock(self.together.hold)} until {first.words}, {percent}"
 
     @property
@@ -204,14 +204,16 @@ class Hold:
         lines += [f"  {self.not_counted}"] if self.not_counted else []
         for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
             low, high = p.never_between
-            never = f"never passed in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-            until = f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "beyond the scenario"
+            never = f"never exceeded in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+            until = (
+                f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "longer than the scenario"
+            )
             if p is self.together:
-                lines.append(f"  all of them: kept for {until}, {never}")
+                lines.append(f"  all of them: met for {until}, {never}")
                 continue
-            lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
+            lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: met for {until}, {never}")
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
-        lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
+        lines.append(f"  {self.members} members; the intervals show the error of their finite number, not that of the model")
         return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
@@ -220,9 +222,9 @@ class Hold:
         others = [c for c in self.causes if c != MISFIT and not c.startswith("fit of ")]
         also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
-            return f"{also}the model's discrepancy is not counted: no values of a fit say what it could not follow"
-        size = f"{self.discrepancy:.2g} K (one standard deviation), what its fit could not follow"
-        return f"{also}the model's discrepancy is counted: {size}"
+            return f"{also}the model's discrepancy is not included, because there are no values of a fit to estimate it"
+        size = f"{self.discrepancy:.2g} K (one standard deviation), from the residuals of its fit"
+        return f"{also}the model's discrepancy is included: {size}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
@@ -299,7 +301,7 @@ def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, flo
     """
     wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
     if not wanted:
-        raise ScenarioError('there is no limit. Give one: { "FOG_x" = "50 [degC]" }.', title)
+        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title)
     return wanted
 
 
@@ -311,16 +313,16 @@ def check_members(members: int, confidence: float, title: str) -> None:
     ScenarioError   With how many would do.
     """
     if not 0.5 <= confidence < 1.0:
-        raise ScenarioError(f"a probability of {confidence:g} is no confidence; give 0.95 or another number from 0.5 up to 1.", title)
+        raise ScenarioError(f"the confidence is {confidence:g}. Give 0.95 or another number from 0.5 up to 1.", title)
     if members * (1.0 - confidence) < 1.0:
         enough = math.ceil(20 / (1 - confidence))
-        raise ScenarioError(f"{members} members cannot tell {100 * confidence:g} %; ask for {enough} or more.", title)
+        raise ScenarioError(f"{members} members are too few for {100 * confidence:g} %. Request {enough} or more.", title)
 
 
 def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
     table = spec if isinstance(spec, Mapping) else {"highest": spec}
     if not table or not set(table) <= set(SIDES):
-        raise ScenarioError('a limit is "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
+        raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
     ends_by_side = [
         (side, literal(value if isinstance(value, str) else f"{value} [degC]", TEMPERATURE, f"limits, {name}"))
         for side, value in table.items()

@@ -1,4 +1,4 @@
-"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, remarks of a careful reader, text and TOML."""
+"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, checks, text and TOML."""
 
 from __future__ import annotations
 
@@ -109,16 +109,16 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     if isinstance(spec, Mapping):
         unknown = set(spec) - {"value", "mark", "clause", "note"}
         if unknown or "value" not in spec:
-            raise ScenarioError("a number is a value, or a table of value, mark, clause and note.", place)
+            raise ScenarioError("give a number as a value, or as a table of value, mark, clause and note.", place)
         mark, clause, note = spec.get("mark", mark), spec.get("clause", clause), spec.get("note", "")
         spec = spec["value"]
     check_mark(mark, place)
     if name in WORDS:
         if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
-            raise ScenarioError(f"{spec!r} is none of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
+            raise ScenarioError(f"{spec!r} is not one of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
         return Number(spec, "", mark, clause, note)
     if isinstance(spec, bool) or not isinstance(spec, str | int | float):
-        raise ScenarioError(f"{spec!r} is no value with a unit.", place)
+        raise ScenarioError(f"{spec!r} is not a value with a unit.", place)
     value = literal(spec, SLOTS[name], place) if isinstance(spec, str) else float(spec)
     if SLOTS[name] != TEMPERATURE and value < 0.0:
         raise ScenarioError(f"{spec!r} is below zero.", place)
@@ -187,11 +187,11 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
     SMC-S-016 (2014), 6.3.8.3: N = 27 (105/dT)^1.4, 20 (95/dT)^1.4, 14 (85/dT)^1.4.
     """
     if isinstance(level, str):
-        level = look_up(level, EQUIVALENCE, "there is no level '{}'; there are {known}.", "cycles", ScenarioError)
+        level = look_up(level, EQUIVALENCE, "unknown level '{}'. Use one of {known}.", "cycles", ScenarioError)
     low, high = (literal(v, TEMPERATURE, "cycles") if isinstance(v, str) else float(v) for v in (cold, hot))
     if low >= high:
         raise ScenarioError(
-            f"the cold level, {low - 273.15:g} degC, does not lie below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
+            f"the cold level, {low - 273.15:g} degC, is not below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
             "cycles",
         )
     return math.ceil(round(level.exact(high - low), 9))
@@ -246,7 +246,7 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
 
     power = row.get("power")
     if power not in (None, "on", "off"):
-        raise ScenarioError(f"{power!r}: power is on or off.", where)
+        raise ScenarioError(f"{power!r}: power must be on or off.", where)
     mark = row.get("mark", profile.step_mark)
     check_mark(mark, where)
     target, over = value("to", TEMPERATURE), value("over", "s")
@@ -370,8 +370,8 @@ class ThermalProfile:
         margin, least = self.numbers.get("margin"), self.numbers.get(f"{side}_least")
         if margin is None or (self.predicted is None and least is None):
             raise ScenarioError(
-                f"its {side} level is not known: give {side}, or predicted=(lowest, highest), the temperatures that a model predicts with "
-                "its uncertainty added.",
+                f"its {side} level is not known: give {side}, or predicted=(lowest, highest), the predicted temperatures including "
+                "their uncertainty.",
                 self.title,
             )
         sign, pick = (1.0, max) if side == "hot" else (-1.0, min)
@@ -390,7 +390,7 @@ class ThermalProfile:
         """Return a number. [SI]"""
         number = self[name].value
         if isinstance(number, str):
-            raise ScenarioError(f"its {name} is a word: {number}.", self.title)
+            raise ScenarioError(f"its {name} is a word, not a number: {number}.", self.title)
         return number
 
     def word(self, name: str, otherwise: str) -> str:
@@ -407,7 +407,7 @@ class ThermalProfile:
         """
         count = int(self.value("cycles"))
         if count < 1 or count != self.value("cycles"):
-            raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {self['cycles'].text}.", self.title)
+            raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
         if not self.plan:
             return tuple(_cycling(self, count))
         out: list[ProfileStep] = []
@@ -451,12 +451,12 @@ class ThermalProfile:
                 "read": "every number was read in the standard",
                 "project": "its numbers were read in the standard or set by the project",
             }
-            return words.get(self.mark, "some numbers come from documents about the standard, not from the standard itself")
+            return words.get(self.mark, "some numbers come from secondary documents, not from the standard itself")
         which = ", ".join(self.from_memory) or "the rule of stability"
-        return f"from memory, not checked against the standard: {which}. No verdict may rest on this profile before they are read there"
+        return f"quoted from memory, not checked against the standard: {which}. Check them there before any verdict uses this profile"
 
     def check(self, beside: float = 0.0) -> tuple[str, ...]:
-        """Return what a careful reader would remark: order against condensation, cycles against the range, levels in the wrong order.
+        """Check the profile: order against condensation, cycles against the range, levels in the wrong order.
 
         Parameters
         ----------
@@ -499,12 +499,10 @@ class ThermalProfile:
 def pair_of(pair: Any, where: str) -> tuple[float, float]:
     """Return the predicted range (lowest, highest). [K]"""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
-        raise ScenarioError("predicted is a pair: the lowest and the highest predicted temperature.", where)
+        raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where)
     low, high = (literal(v, TEMPERATURE, f"{where}, predicted") if isinstance(v, str) else float(v) for v in pair)
     if low >= high:
-        raise ScenarioError(
-            f"predicted: the lowest ({low - 273.15:g} degC) does not lie below the highest ({high - 273.15:g} degC).", where
-        )
+        raise ScenarioError(f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).", where)
     return low, high
 
 
@@ -600,7 +598,7 @@ def ordered(profile: ThermalProfile) -> None:
     """
     cold, hot = profile["cold"], profile["hot"]
     if float(cold.value) >= float(hot.value):
-        raise ScenarioError(f"its cold level, {cold.text}, does not lie below its hot level, {hot.text}. Exchange them.", profile.title)
+        raise ScenarioError(f"its cold level, {cold.text}, is not below its hot level, {hot.text}. Exchange them.", profile.title)
 
 
 def _condensation(profile: ThermalProfile) -> Iterator[str]:
@@ -614,8 +612,8 @@ def _condensation(profile: ThermalProfile) -> Iterator[str]:
     for place, side in (("first", turns[0]), ("last", turns[-1])):
         if side != "hot":
             yield (
-                f"the {place} half cycle is cold: the unit is colder than humid air can be when the door opens. SMC-S-016, 6.3.8.3 asks "
-                "for a first and a last half cycle that are hot, or for dry gas"
+                f"the {place} half cycle is cold, so water may condense on the unit when the door opens. SMC-S-016, 6.3.8.3 requires "
+                "a hot first and last half cycle, or dry gas"
             )
 
 
@@ -632,7 +630,7 @@ def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
     if need != law.cycles or cycles < need:
         missing = need - cycles - beside
         yield (
-            f"over {high - low:.4g} K the clause asks for {need} cycles in all ({law.cycles:g} ("
+            f"over {high - low:.4g} K the clause requires {need} cycles in all ({law.cycles:g} ("
             + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "
             f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {cycles:g}"
             + (f" and other tests of the plan {beside:g}" if beside else "")

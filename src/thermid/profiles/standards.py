@@ -23,7 +23,7 @@ KEYS: Final = ("title", "like", "level", "kind", "standard", "edition", "clause"
 
 @lru_cache(maxsize=1)
 def _library() -> tuple[Mapping[str, Any], ...]:
-    """Return the standards as they stand in the package."""
+    """Return the standards as they are in the package."""
     return tuple(read_toml(file)[0] for file in sorted(LIBRARY.glob("*.toml")))
 
 
@@ -41,8 +41,8 @@ def _standard(name: str) -> Mapping[str, Any]:
     if name.casefold() not in names:
         known = [data["standard"] for data in _library()]
         raise ScenarioError(
-            f"there is no standard '{name}' here; there are {', '.join(known)}.{nearest(name.casefold(), names)} "
-            "A test by another one is a profile of your own, each number with its mark and clause.",
+            f"unknown standard '{name}'. Known: {', '.join(known)}.{nearest(name.casefold(), names)} "
+            "For another standard write a profile file, each number with its mark and clause.",
             "profile",
         )
     return names[name.casefold()]
@@ -70,7 +70,7 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     if name not in known:
         have = ", ".join(f"'{k}'" for k in known)
         if not name:
-            raise ScenarioError(f"{data['standard']} has several profiles; name one: {have}.", "profile")
+            raise ScenarioError(f"{data['standard']} has several profiles. Name one: {have}.", "profile")
         raise ScenarioError(f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile")
     spec = known[name]
     base = known[spec["like"]] if "like" in spec else {}
@@ -124,7 +124,7 @@ def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> 
     """
     place = f"{where}, profile"
     if not isinstance(data, Mapping) or not data:
-        raise ScenarioError("there is no table [profile].", place)
+        raise ScenarioError("the table [profile] is missing.", place)
     refuse_unknown(data, (*KEYS, *SLOTS, *WORDS), place, "a profile has no '{}'.", ScenarioError)
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
@@ -133,7 +133,7 @@ def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> 
         profile = replace(profile, title=data.get("title", profile.title), note=data.get("note", profile.note))
     else:
         kind = data.get("kind", "thermal cycling")
-        refuse_unknown([kind], KINDS, place, "there is no kind '{}'; there are {known}.", ScenarioError)
+        refuse_unknown([kind], KINDS, place, "unknown kind '{}'. Use one of {known}.", ScenarioError)
         standard, edition, clause, level = (str(data.get(k, "")) for k in ("standard", "edition", "clause", "level"))
         profile = ThermalProfile(data.get("title", stem), kind, standard, edition, clause, level, {**OWN_TABLE}, note=data.get("note", ""))
     mark = data.get("mark", "project")
@@ -154,4 +154,4 @@ def _split(like: Any, where: str) -> tuple[str, str]:
         if text.casefold().startswith(name.casefold()):
             return name, text[len(name) :].strip(" ,:")
     known = ", ".join(d["standard"] for d in _library())
-    raise ScenarioError(f"like = {text!r} begins with no standard that is known here; there are {known}.", where)
+    raise ScenarioError(f"like = {text!r} does not begin with a known standard. Known: {known}.", where)

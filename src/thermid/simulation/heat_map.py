@@ -139,7 +139,7 @@ class HeatMap:
             out.setdefault(colour or self.parts.get(head, head), []).append(node)
         for name, pattern in (asked or {}).items():
             if not out[name]:
-                raise NameNotFoundError(f"no node meets '{pattern}'.{nearest(pattern, self.temperatures)}", f"--group {name}")
+                raise NameNotFoundError(f"no node matches '{pattern}'.{nearest(pattern, self.temperatures)}", f"--group {name}")
         return {name: tuple(nodes) for name, nodes in out.items()}
 
     def between(self, groups: Mapping[str, Sequence[str]]) -> np.ndarray:
@@ -255,7 +255,7 @@ def margins(lowest: Mapping[str, float], highest: Mapping[str, float], limits: M
     """
     for pattern in limits:
         if not any(_meets(node, pattern) for node in highest):
-            raise NameNotFoundError(f"no node meets '{pattern}'.{nearest(pattern, highest)}", "--limit")
+            raise NameNotFoundError(f"no node matches '{pattern}'.{nearest(pattern, highest)}", "--limit")
     out = []
     for node, high in highest.items():
         ends = next((ends for pattern, ends in limits.items() if _meets(node, pattern)), (-np.inf, np.inf))

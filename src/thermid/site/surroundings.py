@@ -54,7 +54,9 @@ def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     if tables["ascent"]:
         clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
         if clash:
-            raise ScenarioError(f"a scenario stands on the ground or flies: it has {clash[0]} and ascent.", file)
+            raise ScenarioError(
+                f"a scenario is either on the ground or an ascent, but this one has {clash[0]} and ascent. Remove one.", file
+            )
         return _ascent(tables["ascent"], rest, duration, columns, file)
     weather, sun = tables["weather"], tables["sun"]
     read = None
@@ -87,5 +89,5 @@ def _site(table: Mapping[str, Any], file: str) -> Site | None:
         return None
     missing = [k for k in ("latitude", "longitude") if k not in table]
     if missing:
-        raise ScenarioError(f"a site has latitude and longitude; {missing[0]} is missing.", f"{file}, site")
+        raise ScenarioError(f"a site needs latitude and longitude; {missing[0]} is missing.", f"{file}, site")
     return Site(**table)

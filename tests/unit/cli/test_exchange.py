@@ -61,7 +61,7 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
     said = call("import", script, "--to", deck)
     assert said.code == 2
     assert said.err.startswith(
-        f"error: {deck}: a file is there already that thermid did not write as deck Acc, or that was changed since. Give another name"
+        f"error: {deck}: this file exists already. It was not written by thermid as deck Acc, or was changed since. Give another name"
     )
     assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
 
@@ -160,7 +160,7 @@ def test_coefficients_are_compared(call: Call) -> None:
         (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
         (
             ("htc", "--power", "2", "--area", "0.1", "--surface", "20", "--ambient", "24", "--height", "0.1"),
-            "error: compare_htc: 2 W and a surface -4 K from its ambient make no coefficient",
+            "error: compare_htc: 2 W and a surface -4 K from its ambient are inconsistent: heat",
         ),
         (
             ("htc", "--power", "2", "--area", "0.1", "--surface", "30", "--ambient", "24", "--height", "0.1", "--part", "coil=20"),

@@ -52,7 +52,7 @@ class TextSpan:
 
 @dataclass(frozen=True)
 class DeckRemark:
-    """A statement of a deck that was not taken over as it stands."""
+    """A statement of a deck that was not taken over as it is."""
 
     where: TextSpan
     what: str
@@ -323,9 +323,9 @@ class FileCourse:
         """Refuse points that are no course."""
         t = self.seconds
         if t.size != self.numbers.size or t.size == 0:
-            raise DeckError(f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} make no table.", self.where)
+            raise DeckError(f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} do not form a table.", self.where)
         if self.period and t[-1] - t[0] > self.period * (1.0 + 1e-9):
-            raise DeckError(f"times over {t[-1] - t[0]:g} s do not fit into a period of {self.period:g} s.", self.where)
+            raise DeckError(f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where)
 
     def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
         """Return the course as a table of a scenario."""

@@ -288,7 +288,7 @@ class Names:
             missing = f"the alias '{alias}' stands for '{target}', which does not exist."
             refuse_unknown([model.canonical(target)], known, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
         for offer in model.offers:
-            missing = f"it offers '{offer}', but has no such node or surface."
+            missing = f"offers names '{offer}', but the model has no such node or surface."
             refuse_unknown([model.canonical(offer)], known, model.where("offers"), missing, NameNotFoundError)
 
     def _collect(self, model: Tree, prefix: str) -> None:
@@ -311,7 +311,7 @@ class Names:
         for need in part.model.needs:
             if need not in part.bind:
                 raise DeckError(
-                    f"port '{need}' of '{name}' is bound to nothing. Give it a node: bind = {{ {need} = \"...\" }}.",
+                    f"port '{need}' of '{name}' is not bound. Give it a node: bind = {{ {need} = \"...\" }}.",
                     model.where(f"submodels.{name}"),
                 )
             target = part.bind[need]
@@ -339,7 +339,7 @@ class Names:
         full = prefix + path
         full = self._alias.get(full, full)
         if full not in self.nodes and full not in self.boundaries:
-            hint = self._near(prefix, path) or f' Write it under nodes, or, where it is supplied from outside, into needs = ["{raw}"].'
+            hint = self._near(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
             raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
 
@@ -576,5 +576,7 @@ class ParameterSet:
         entry = self.table[path]
         if not entry.parameter.is_literal:
             roots = [p for p in self.order if self.table[p].parameter.is_literal and path in self.downstream([p])]
-            raise DeckError(f"'{raw}' is derived: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where)
+            raise DeckError(
+                f"'{raw}' is derived from other values: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where
+            )
         return path

@@ -52,13 +52,13 @@ class LogColumns:
         unknown = set(value) - {"file", "column", "unit", "time", "hold", *CONDUCT}
         if unknown or "column" not in value:
             raise ScenarioError(
-                "a column of a log is given by file and column, with unit, time, hold, samples, after and period as needed.", where
+                "give a column of a log by file and column, with unit, time, hold, samples, after and period as needed.", where
             )
         file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
         if file == self.cut:
             raise ScenarioError(
-                f"the weather of '{file.name}' begins at another time than its first line, and its columns count from that line. Leave "
-                "begin out, or give the column in a log of its own.",
+                f"the weather of '{file.name}' begins at another time than its first line, but the times of its columns count from "
+                "that line. Leave begin out, or give the column in a separate log.",
                 where,
             )
         role = {TEMPERATURE: "boundary", "W": "load", "1": "command"}.get(slot, "")

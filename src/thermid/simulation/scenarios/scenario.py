@@ -57,7 +57,7 @@ class Start:
             return cls(rest or STEADY)
         time = literal(rest, "s", where)
         if time < 0.0:
-            raise ScenarioError("a steady start takes inputs of the run, at zero or later.", where)
+            raise ScenarioError("the time of a steady start must be zero or later.", where)
         return cls(STEADY, time)
 
 
@@ -123,11 +123,11 @@ class Scenario:
         seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
         if not math.isfinite(seconds):
             raise ScenarioError(
-                f"a duration of {seconds:g} s has no end; give how long the run lasts, or ask for a steady state.",
+                f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",
                 f"{self.title}, duration",
             )
         if seconds < 0:
-            raise ScenarioError("a duration below zero has no end.", f"{self.title}, duration")
+            raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration")
         object.__setattr__(self, "duration", seconds)
 
     @property
@@ -221,6 +221,6 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     if not assumed:
         return ()
     return (
-        f"samples of logs are taken as instants ({', '.join(assumed)}); say samples = 'instant', or 'average' where the logger gives the "
-        "mean over the interval that ends at the stamp",
+        f"samples of logs are taken as instants ({', '.join(assumed)}). State samples = 'instant', or samples = 'average' if the "
+        "logger gives means over the interval up to the stamp",
     )

@@ -151,6 +151,6 @@ def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: 
 def _no_steady(network: SparseNetwork) -> str:
     """Return why there is no steady state."""
     if not network.boundaries:
-        return "there is no steady state: nothing ties the temperatures to a given one. Let a face exchange with a boundary."
-    grows = ", or a power grows faster with temperature than the heat can leave" if any(not g.fixed for g in network.loads) else ""
-    return f"there is no steady state that could be found: a part has no path to a boundary{grows}."
+        return "no steady state exists: no face exchanges heat with a boundary. Give one of them a boundary."
+    grows = ", or a power grows faster with temperature than the heat removed" if any(not g.fixed for g in network.loads) else ""
+    return f"no steady state was found: a part has no path to a boundary{grows}."
