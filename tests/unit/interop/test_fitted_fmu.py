@@ -13,7 +13,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError
-from thermid.interop.fmu import calibrate_fmu, to_fmu
+from thermid.interop.fmu import to_fmu
+from thermid.interop.fmu.fitted import calibrate_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
 

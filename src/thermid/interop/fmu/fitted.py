@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from tempfile import mkdtemp
 from types import ModuleType
 from typing import Any, Final
 
@@ -16,7 +14,7 @@ import numpy as np
 
 from thermid.errors import IdentificationError, MissingExtraError, SolverError, ThermidError, nearest
 from thermid.extensions import missing
-from thermid.files import read_bytes
+from thermid.files import read_bytes, scratch
 from thermid.fit.minimisation import Fit, covariances, minimise
 from thermid.fit.problem.residuals import Compressed, Sums
 from thermid.fit.problem.unknowns import Unknown
@@ -196,12 +194,10 @@ class _Runner:
     @contextmanager
     def opened(self) -> Iterator[None]:
         """Keep it unpacked for a while."""
-        self.folder = mkdtemp()
-        try:
+        with scratch() as folder:
+            self.folder = str(folder)
             self.fmpy.extract(str(self.file), self.folder)
             yield
-        finally:
-            shutil.rmtree(self.folder, ignore_errors=True)
 
     def __call__(self, values: Mapping[str, float]) -> Array:
         """Return the outputs (outputs, times) at values of parameters."""
