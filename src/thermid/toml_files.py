@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import DeckError, nearest
+from thermid.extensions import by_grammar
 from thermid.files import parse_toml, read_text
 
 MARKER = "thermid.toml"
@@ -64,6 +66,26 @@ class Places:
         line = next((self.lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in self.lines), None)
         place = line if isinstance(line, str) else f"{self.file}:{line}" if line else self.file
         return f"{place}, {key}" if key else place
+
+
+def read_json(path: Path, kind: str) -> Any:
+    """Return the content of a JSON file as its grammar has it; such files are carried on, so that they are no inputs of a command.
+
+    Parameters
+    ----------
+    path : Path         The file.
+    kind : str          As in `by_grammar`.
+
+    Raises
+    ------
+    ThermidError    When it is no JSON, or does not follow the grammar.
+    OSError         When it cannot be opened.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        content = f"this is no JSON: {error}"
+    return by_grammar(kind, content, Places(str(path)))
 
 
 def refuse_another_kind(content: Mapping[str, Any], wanted: str, where: str) -> None:

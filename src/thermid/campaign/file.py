@@ -7,10 +7,11 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from thermid.campaign.cache import file_name, log_kept
 from thermid.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
@@ -224,7 +225,7 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
 
 def scenario_of(table: ScenarioTable, title: str) -> Scenario:
     """Return the scenario that a stage or verdict gives for what its logs do not say."""
-    return Scenario(title, **table.model_dump())
+    return Scenario(title, **table.written)
 
 
 def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
@@ -247,11 +248,8 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     target = Path(path)
     content, lines = read_toml(target)
     if "stages" not in content and ("nodes" in content or "submodels" in content):
-        raise DeckError(
-            "this is a deck, not a campaign. Write a campaign with records and stages; each stage names its deck under 'model'.",
-            target.name,
-        )
-    checked: CampaignFile = by_grammar("CampaignFile", content, Places(target.name, lines))
+        raise DeckError("this is a deck. A campaign has records and stages, and names the deck of each stage under 'model'.", target.name)
+    checked: CampaignFile = by_grammar("campaign", content, Places(target.name, lines))
     logs = data if data is not None else os.environ.get(DATA)
     folder = Path(logs).resolve() if logs else None
     if folder is not None and not folder.is_dir():
@@ -259,18 +257,6 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     source = CampaignSource(target, checked, lines, folder)
     _check_order(source, checked.stages, checked.verdicts)
     return source
-
-
-def by_grammar(grammar: Literal["CampaignFile", "StudyFile"], content: Mapping[str, Any], where: Places) -> Any:
-    """Return the content of a file as its grammar has it.
-
-    Raises
-    ------
-    DeckError   When it does not follow the grammar, with every fault and its place.
-    """
-    from thermid.campaign import schema  # pydantic waits until a file is read
-
-    return getattr(schema, grammar).from_file(content, where)
 
 
 def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:

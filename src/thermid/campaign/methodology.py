@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.campaign.file import by_grammar, read_campaign
+from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign
 from thermid.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.judge.metrics import Residuals, metric
@@ -275,7 +276,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     data, lines = read_toml(target)
 
     where = Places(target.name, lines)
-    content: StudyFile = by_grammar("StudyFile", data, where)
+    content: StudyFile = by_grammar("study", data, where)
     for k, key in enumerate(content.procedure.metrics):
         metric(key, where(f"procedure.metrics.{k}"))
     if not content.knowledge.use.strip():

@@ -11,11 +11,13 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ScenarioError, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.judge.metrics import METRICS, Residuals, metric, metric_keys
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.renamed import Renamed
 from thermid.sourced import check_mark
+from thermid.toml_files import Places
 
 KINDS = ("steady", "transient")
 EACH = {"steady": "mean", "transient": "largest"}
@@ -96,7 +98,8 @@ class Criteria:
     def read(cls, table: Mapping[str, Any], where: str, name: str = "") -> Criteria:
         """Criteria from a table of a plan, which gives them a name, or of a verdict of a campaign, which has `sensors`."""
         known = (*known_criteria(), *(PLAIN if name else ("sensors",)))
-        refuse_unknown(table, known, where, "unknown criterion '{}'.", ScenarioError)
+        refuse_unknown(table, known, where, "there is no criterion '{}'.", ScenarioError)
+        table = by_grammar("thermid.judge.schema.CriteriaTable", table, Places(where)).written
         fields = {k: table[k] for k in PLAIN if k in table}
         limits = _parsed({k: v for k, v in table.items() if k not in (*PLAIN, "sensors")}, where)
         sensor_limits = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,19 +12,17 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.linear_algebra import Array, Bools
-from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution, Trace
 from thermid.simulation.solver.extremes import Dense, resolved
 from thermid.sourced import check_mark
-from thermid.toml_files import read_toml
-from thermid.units import TEMPERATURE
+from thermid.toml_files import Places, read_toml
 
 Ends = tuple[float, float]
 STATES = {"operating": "operating", "non-operating": "non_operating", "start-up": "start_up"}
 """State of a unit -> the limit that holds in it."""
-KEYS = ("node", *STATES.values(), "loads", "mark", "source")
 
 
 @dataclass(frozen=True)
@@ -99,33 +97,22 @@ def load_limits(path: str | os.PathLike[str]) -> tuple[Limits, ...]:
     ScenarioError   When a key is unknown, a limit is no pair of temperatures, or limits are in the wrong order.
     """
     target = Path(path)
-    data, _ = read_toml(target)
-    return read_limits(data, target.name)
+    data, lines = read_toml(target)
+    return read_limits(data, Places(target.name, lines))
 
 
-def read_limits(tables: Mapping[str, Any], where: str) -> tuple[Limits, ...]:
-    """Return limits from tables: name of a reference point -> node, operating, non_operating, start_up, loads, mark, source."""
+def read_limits(tables: Mapping[str, Any], where: str | Callable[[str], str]) -> tuple[Limits, ...]:
+    """Return limits from tables: name of a reference point -> node, operating, non_operating, start_up, loads, mark, source.
+
+    Raises
+    ------
+    ScenarioError   As in `load_limits`; `where` is the file, or says the place of each key in it.
+    """
+    place = Places(where) if isinstance(where, str) else where
     if not tables:
-        raise ScenarioError("no limits are given. Write a table for each reference point: node, operating = [low, high].", where)
-    return tuple(_limits(name, table, f"{where}, {name}") for name, table in tables.items())
-
-
-def _limits(name: str, table: Any, where: str) -> Limits:
-    if not isinstance(table, Mapping):
-        raise ScenarioError("give a reference point as a table with node and operating = [low, high].", where)
-    refuse_unknown(table, KEYS, where, "a reference point has {known}, not '{}'.", ScenarioError)
-    if "node" not in table or "operating" not in table:
-        raise ScenarioError("a reference point needs its node, and operating = [low, high].", where)
-    ends = {field: _ends(table[field], f"{where}.{field}") for field in STATES.values() if field in table}
-    loads, mark = table.get("loads", []), str(table.get("mark", "project"))
-    return Limits(name, str(table["node"]), **ends, loads=tuple(loads), mark=mark, source=str(table.get("source", "")))
-
-
-def _ends(pair: Any, where: str) -> Ends:
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
-        raise ScenarioError('give a limit as a pair, ["-20 [degC]", "55 [degC]"], with an empty text for an end without limit.', where)
-    low, high = (literal(t, TEMPERATURE, where) if t else None for t in pair)
-    return (-np.inf if low is None else low, np.inf if high is None else high)
+        raise ScenarioError("no limits are given. Write a table per reference point: node, operating = [low, high].", place(""))
+    read = by_grammar("limits", tables, place).root
+    return tuple(Limits(name, **{**dict(table), "loads": tuple(table.loads)}) for name, table in read.items())
 
 
 @dataclass(frozen=True)

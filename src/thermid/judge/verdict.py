@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, IdentificationError, refuse_unknown
+from thermid.errors import IdentificationError, refuse_unknown
 from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
@@ -27,6 +27,7 @@ from thermid.model.tree.model import Model
 from thermid.prediction.records import RecordPrediction, record_bands, record_request
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced import VERDICTS, weigh
+from thermid.toml_files import read_json
 from thermid.units import counted
 
 FILE = "looks.json"
@@ -88,17 +89,7 @@ def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
     path = folder / FILE if folder is not None else None
     if path is None or not path.is_file():
         return ()
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(content, list):
-            raise TypeError
-        return tuple(RecordedLook(**one) for one in content)
-    except (ValueError, TypeError):
-        raise DeckError(
-            "the file is damaged. It lists the records that failed a verdict; without it they would be taken for independent ones. "
-            "Restore it from version control or a backup. Delete it only if no record of this folder ever failed.",
-            str(path),
-        ) from None
+    return tuple(RecordedLook(**dict(one)) for one in read_json(path, "looks").root)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,13 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, look_up
+from thermid.extensions import by_grammar
 from thermid.files import VALUES, parse_toml, read_text, write_text
-from thermid.knowledge.store import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
+from thermid.knowledge.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.replacement import Dropped
+from thermid.toml_files import Places
 from thermid.units import from_si, unit
 
 SCHEMA = 2
@@ -341,11 +343,6 @@ def _law_kept(law: Any) -> dict[str, Any]:
     return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in own.items()}
 
 
-def _law_read(table: Mapping[str, Any]) -> Any:
-    own = {n: _law_read(x) if isinstance(x, Mapping) else x for n, x in table.items() if n != "form"}
-    return DISTRIBUTIONS[table["form"]](**own)
-
-
 def _toml(value: Any) -> str:
     """Return a value on one line; every digit of a number is kept."""
     if isinstance(value, bool | np.bool_):
@@ -393,11 +390,9 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
             "`values` of a campaign's stage.",
             target.name,
         )
-    try:
-        store = _read(data) if data["schema"] != 1 else _read_old(data)
-        stage = str(data["stage"])
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise DeckError(f"this is not a values file of thermid: {error}.", target.name) from None
+    kind = "thermid.knowledge.schema.OldValuesFile" if data["schema"] == 1 else "values"
+    checked = by_grammar(kind, data, Places(target.name))
+    store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
     for name, v in data["values"].items():
         own, said = store.error(name), float(v["error"])
         if data["schema"] != 1 and own != said and not math.isclose(own, said, rel_tol=AGREES):
@@ -409,10 +404,10 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     return store, stage
 
 
-def _read(data: Mapping[str, Any]) -> Store:
+def _read(data: Mapping[str, Any], given: Sequence[Any]) -> Store:
+    """Return the store of a checked file; the laws of its sources are read."""
     states = {name: _state(name, v) for name, v in data["values"].items()}
-    given = data.get("sources", [])
-    sources = tuple(Source(s["name"], s["kind"], _law_read(s["law"]), s["words"]) for s in given)
+    sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in given)
     root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
     for group in data.get("root", []):
         columns = group["sources"]

@@ -13,7 +13,8 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
-from thermid.errors import DeckError, ScenarioError, refuse_unknown
+from thermid.errors import ScenarioError
+from thermid.extensions import by_grammar
 from thermid.knowledge.store import LeftOut
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array
@@ -375,21 +376,6 @@ def driven_by(point: HoldPoint) -> str:
     return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= NAMED)
 
 
-QUESTION: Mapping[str, tuple[type, ...]] = {
-    "title": (str,),
-    "model": (str,),
-    "unit": (str,),
-    "scenario": (str, list),
-    "values": (str, list),
-    "members": (int,),
-    "seed": (int,),
-    "every": (str,),
-    "confidence": (float,),
-    "limits": (dict,),
-    "spread": (dict,),
-}
-
-
 @dataclass(frozen=True, eq=False)
 class HoldQuestion:
     """How long a model keeps its limits in a scenario.
@@ -459,43 +445,31 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
 
     Raises
     ------
-    DeckError   When a key is unknown, missing or of another kind, or there is no limit.
+    DeckError   When it does not follow the grammar.
     """
     target = Path(path)
     data, lines = read_toml(target)
     refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
     where = Places(target.name, lines)
-    for key, value in data.items():
-        refuse_unknown([key], QUESTION, where(key), "a hold question has no '{}'.{near} It has {known}.", DeckError)
-        if not isinstance(value, QUESTION[key]) or isinstance(value, bool):
-            raise DeckError(f"this is no {' or '.join(t.__name__ for t in QUESTION[key])}: {value!r}.", where(key))
-    for key in ("model", "scenario", "limits"):
-        if not data.get(key):
-            raise DeckError(f"a hold question needs '{key}'.", target.name)
-    if data.get("members", 1) < 1:
-        raise DeckError("a campaign of runs needs at least one member.", where("members"))
+    asked = by_grammar("hold", data, where)
 
-    def files(key: str) -> list[Path]:
-        name_or_names = data.get(key, [])
-        return [
-            resolve_inside(target.parent, name, where(key))
-            for name in ([name_or_names] if isinstance(name_or_names, str) else name_or_names)
-        ]
+    def files(key: str, names: str | list[str]) -> list[Path]:
+        return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
 
-    unit = data.get("unit", "")
-    (deck,) = files("model")
+    unit = asked.unit
+    (deck,) = files("model", asked.model)
     model = macro_model(deck, at=unit) if unit else load_model(deck)
-    values = [filed(f, model, at=unit) for f in files("values")]
+    values = [filed(f, model, at=unit) for f in files("values", asked.values)]
     return HoldQuestion(
         model,
-        tuple(load_scenario(f) for f in files("scenario")),
+        tuple(load_scenario(f) for f in files("scenario", asked.scenario)),
         tuple(x.values for x in values),
         unit,
-        data["limits"],
-        data.get("spread", {}),
-        data.get("members", 10_000),
-        data.get("seed", 0),
-        data.get("every", ""),
-        data.get("confidence", 0.95),
+        asked.written["limits"],
+        asked.spread,
+        asked.members,
+        asked.seed,
+        asked.every,
+        asked.confidence,
         tuple(line for x in values for line in x.lines),
     )

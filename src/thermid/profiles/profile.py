@@ -10,11 +10,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from thermid.errors import ScenarioError, ThermidError, look_up, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.files import PROFILE, write_text
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.sourced import check_mark, weakest
+from thermid.toml_files import Places
 from thermid.units import TEMPERATURE
 
 SLOTS: Final[Mapping[str, str]] = {
@@ -137,9 +139,6 @@ def typed(name: str, text: str) -> str | float:
     return value if slot == "1" else f"{text.strip()} [{USUAL.get(slot, slot)}]"
 
 
-STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
-
-
 @dataclass(frozen=True)
 class Equivalence:
     """``cycles`` over ``range`` are worth cycles (range / dT)^exponent over dT.
@@ -231,7 +230,6 @@ class ProfileStep:
 
 def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
     """Return a step as a file writes it; a value may be the name of a number of the profile."""
-    refuse_unknown(row, STEP_KEYS, where, "a step has no '{}'; it has {known}.", ScenarioError)
 
     def value(key: str, slot: str) -> float | None:
         text = row.get(key)
@@ -245,8 +243,6 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
         return quantity
 
     power = row.get("power")
-    if power not in (None, "on", "off"):
-        raise ScenarioError(f"{power!r}: power must be on or off.", where)
     mark = row.get("mark", profile.step_mark)
     check_mark(mark, where)
     target, over = value("to", TEMPERATURE), value("over", "s")
@@ -485,7 +481,11 @@ class ThermalProfile:
         changed = replace(self, numbers={**self.numbers, **new}, title=title or self.title)
         if predicted is not None:
             changed = replace(changed, predicted=pair_of(predicted, self.title))
-        return changed if steps is None else replace(changed, plan=tuple(dict(s) for s in steps), step_mark="project")
+        if steps is None:
+            return changed
+        place = Places(f"{self.title}, steps")
+        rows = (by_grammar("thermid.profiles.schema.StepTable", s, place).written for s in steps)
+        return replace(changed, plan=tuple(rows), step_mark="project")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""

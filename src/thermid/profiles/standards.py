@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,14 +11,14 @@ from typing import Any, Final
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.measure.record.steadiness import rule_of
 from thermid.profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, pair_of
-from thermid.toml_files import read_toml
+from thermid.toml_files import Places, read_toml
 
 LIBRARY: Final = Path(__file__).parent / "library"
 OWN: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
 """Numbers that every run needs and no standard gives."""
-KEYS: Final = ("title", "like", "level", "kind", "standard", "edition", "clause", "note", "mark", "predicted", "numbers", "steps")
 
 
 @lru_cache(maxsize=1)
@@ -111,21 +111,23 @@ def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
     DeckError       When the file cannot be read.
     """
     file = Path(path)
-    data, _ = read_toml(file)
-    return profile_from(data.get("profile", data), file.name, file.stem)
+    data, lines = read_toml(file)
+    where, apart = Places(file.name, lines), "profile" in data
+    return profile_from(data.get("profile", data), lambda key: where(f"profile.{key}".rstrip(".") if apart else key), file.stem)
 
 
-def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> ThermalProfile:
+def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], stem: str = "profile") -> ThermalProfile:
     """Return the profile of a table ``[profile]``; a plan file may hold one.
 
     Raises
     ------
     ScenarioError   As in `load_profile`.
     """
-    place = f"{where}, profile"
-    if not isinstance(data, Mapping) or not data:
-        raise ScenarioError("the table [profile] is missing.", place)
-    refuse_unknown(data, (*KEYS, *SLOTS, *WORDS), place, "a profile has no '{}'.", ScenarioError)
+    at = Places(f"{where}, profile") if isinstance(where, str) else where
+    place = at("")
+    if not data:
+        raise ScenarioError("there is no table [profile].", place)
+    data = by_grammar("thermid.profiles.schema.ProfileTable", data, at).written
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
         standard, name = _split(data["like"], place)

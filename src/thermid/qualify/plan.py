@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
-from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, refuse_unknown
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.files import OWN, read_bytes, write_text
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
@@ -25,11 +27,11 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
 from thermid.reduction.macro import macro_model
-from thermid.toml_files import Places, project_root, read_toml, refuse_another_kind, resolve_inside
+from thermid.toml_files import Places, project_root, read_json, read_toml, refuse_another_kind, resolve_inside
 from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
-    from thermid.qualify.plan_schema import PlanFile, TestTable
+    from thermid.qualify.plan_schema import LockFile, PlanFile, TestTable
 
 
 from datetime import UTC, datetime
@@ -141,20 +143,18 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     DeckError           When it does not follow the grammar, says no objective, test or limit, or a test has no course.
     NameNotFoundError   When a test names a sensor, a set of criteria or a host that the plan does not have.
     """
-    from thermid.qualify.plan_schema import PlanFile
-
     target = Path(path)
     raw, lines = read_toml(target)
     refuse_another_kind(raw, "a qualification plan, which names it under [model] beside objectives, limits and tests", target.name)
     _not_empty(raw, target.name)
     where = Places(target.name, lines)
-    content = PlanFile.from_file(raw, where)
+    content: PlanFile = by_grammar("plan", raw, where)
     source = content.model
     if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
         raise DeckError(
             "give the model as a deck, with a values file if any; or as a stage of a campaign: campaign and stage.", where("model")
         )
-    limits = _limits(content.limits, target.parent, where("limits"))
+    limits = _limits(content.limits, target.parent, where)
     project_sets = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
     criteria = CRITERIA | project_sets
     check_parts(content, where)
@@ -170,12 +170,12 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
 
 
-def _limits(limits: str | Mapping[str, Any], folder: Path, where: str) -> tuple[Limits, ...]:
+def _limits(limits: str | Mapping[str, Any], folder: Path, where: Places) -> tuple[Limits, ...]:
     """Return the limits of a plan; errors of a file of their own name the plan too."""
     if not isinstance(limits, str):
-        return read_limits(limits, where)
-    with errors_at(where, ", "):
-        return load_limits(resolve_inside(folder, limits, where))
+        return read_limits(limits, lambda key: where(f"limits.{key}" if key else "limits"))
+    with errors_at(where("limits"), ", "):
+        return load_limits(resolve_inside(folder, limits, where("limits")))
 
 
 def _not_empty(raw: Mapping[str, Any], name: str) -> None:
@@ -279,6 +279,7 @@ def _found(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
 
 
 Where = Callable[[str], str]
+PROFILE = "thermid.profiles.schema.ProfileTable"
 RANGES = {"temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
 """Key of the validity -> the unit of its two ends."""
 
@@ -324,6 +325,9 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
     have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
     refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
+    for key, kind, given in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
+        if isinstance(given, Mapping):
+            by_grammar(kind, given, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
     rule_of(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
     if test.log is not None and steady and not test.steady and test.profile is None:
@@ -390,14 +394,8 @@ def _read(plan: Plan) -> dict[str, Any]:
     file = _file(plan)
     if not file.is_file():
         return {"schema": 1, "locks": [], "looks": []}
-    try:
-        data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return {"schema": 1, "locks": list(data["locks"]), "looks": list(data["looks"])} | data
-    except (ValueError, KeyError, TypeError):
-        raise DeckError(
-            "the lock of the plan is damaged. Restore it from version control; a new lock would lose the dates at which logs were read.",
-            file.name,
-        ) from None
+    lock: LockFile = read_json(file, "lock")
+    return dict(lock.model_dump(by_alias=True))
 
 
 def _write(plan: Plan, data: dict[str, Any]) -> None:
@@ -435,10 +433,8 @@ def _beside(plan: Plan) -> list[str]:
     for file in sorted(lock_file.parent.glob("*.lock.json")):
         if file == lock_file:
             continue
-        try:
-            hashes |= {str(look["sha256"]) for look in json.loads(file.read_text(encoding="utf-8"))["looks"]}
-        except (ValueError, KeyError, TypeError):
-            continue
+        with suppress(ThermidError):
+            hashes |= {look.sha256 for look in read_json(file, "lock").looks}
     return sorted(hashes)
 
 

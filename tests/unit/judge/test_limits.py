@@ -107,9 +107,9 @@ def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], word: s
     ("tables", "word"),
     [
         ({}, "no limits are given"),
-        ({"box": 3}, "give a reference point as a table"),
-        ({"box": {"node": "box"}}, "needs its node, and operating"),
-        ({"box": {"node": "box", "operating": "40 [degC]"}}, "give a limit as a pair,"),
+        ({"box": 3}, "limits.toml, box: a table is needed, not 3"),
+        ({"box": {"node": "box"}}, "limits.toml, box.operating: is missing"),
+        ({"box": {"node": "box", "operating": "40 [degC]"}}, "a list is needed, not '40 [degC]'"),
         ({"box": {"node": "box", "operting": []}}, "Did you mean 'operating'?"),
     ],
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -296,15 +295,6 @@ def test_examples_have_no_errors_or_warnings() -> None:
 
 
 # schema ------------------------------------------------------------------------------------------------------------------------------
-
-
-def test_schema_file_is_current() -> None:
-    spec = importlib.util.spec_from_file_location("write_schema", ROOT / "scripts/write_schema.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert script.TARGET.read_text(encoding="utf-8") == script.text(), "run: python scripts/write_schema.py"
 
 
 def test_schema_names_every_table_and_kind() -> None:

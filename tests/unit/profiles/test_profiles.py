@@ -121,7 +121,7 @@ def test_written_steps_are_saved_and_read(tmp_path):
         (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")), "is not below the highest"),
         (lambda: unit_cycle(dwell={"value": "1 [h]", "mark": "heard"}), "'heard' is not a mark; use one of"),
         (lambda: unit_cycle().with_(steps=[{"nam": "x"}]).steps, "Did you mean 'name'"),
-        (lambda: unit_cycle().with_(steps=[{"power": "half"}]).steps, ": power must be on or off."),
+        (lambda: unit_cycle().with_(steps=[{"power": "half"}]).steps, "power: input should be 'on' or 'off'"),
     ],
 )
 def test_mistakes_are_named(made, words):

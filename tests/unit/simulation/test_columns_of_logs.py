@@ -89,7 +89,7 @@ walls = {{ wall = {column("inner")} }}
         (f"environment = {{ air = {{ pressure = {column('wall')} }} }}", r"is a temperature; .*\[Pa\]"),
         (f"environment = {{ air = {{ pressure = {column('p', unit='m/s')} }} }}", r"\[Pa\]"),
         (f"boundaries = {{ air = {column('rom')} }}", "no column 'rom'.*Did you mean 'room'"),
-        ("boundaries = { air = { file = 'log.csv' } }", "give a column of a log by"),
+        ("boundaries = { air = { file = 'log.csv' } }", r"boundaries\.air\.column: is missing"),
     ],
 )
 def test_a_unit_that_is_missing_or_wrong_is_refused(tmp_path: Path, text: str, words: str) -> None:

@@ -156,11 +156,19 @@ def test_steady_states_of_a_block_and_its_model_agree(monkeypatch: pytest.Monkey
         pytest.importorskip("pyamg")
     else:
         monkeypatch.setitem(__import__("sys").modules, "pyamg", None)
+    monkeypatch.setattr(large_steady, "MOST_DIRECT", 0)
     found = td.steady(warm_block(), warming_room(), time=1800.0)
     model = td.steady(warm_block().model(), warming_room(), time=1800.0)
     np.testing.assert_allclose(found.final_field, np.array([model[n] for n in NODES]).reshape(CELLS), atol=1e-6)
     assert ("multigrid" in found.statistics["method"]) == multigrid
     assert found["hottest"].kelvin[0] == found.final_field.max()
+
+
+def test_steady_states_of_a_thousand_nodes_are_eliminated(monkeypatch: pytest.MonkeyPatch) -> None:
+    direct = td.steady(warm_block(), warming_room(), time=1800.0)
+    assert direct.statistics["method"] == "Newton, Cholesky"
+    monkeypatch.setattr(large_steady, "MOST_DIRECT", 0)
+    np.testing.assert_allclose(td.steady(warm_block(), warming_room(), time=1800.0).final_field, direct.final_field, atol=1e-6)
 
 
 def test_steady_states_of_many_nodes_take_the_sparse_way(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,6 +181,7 @@ def test_steady_states_of_many_nodes_take_the_sparse_way(monkeypatch: pytest.Mon
 def test_without_multigrid_very_large_steady_states_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyamg", None)
     monkeypatch.setattr(large_steady, "WITHOUT_MULTIGRID", 50)
+    monkeypatch.setattr(large_steady, "MOST_DIRECT", 0)
     with pytest.raises(td.ThermidError, match=r"pip install pyamg"):
         td.steady(warm_block(), warming_room())
 

@@ -214,12 +214,12 @@ calm = "4 [W/(m^2 K)]"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[weather]\nfiel = 'w.csv'\n", "no 'fiel' in weather. Did you mean 'file'"),
-        ("[sun]\nalbdo = 0.2\n", "no 'albdo' in sun. Did you mean 'albedo'"),
-        ("[site]\nlatitude = -2.3\n", "longitude is missing"),
+        ("[weather]\nfiel = 'w.csv'\n", "weather.fiel: 'fiel' is no field here. Did you mean 'file'"),
+        ("[sun]\nalbdo = 0.2\n", "sun.albdo: 'albdo' is no field here. Did you mean 'albedo'"),
+        ("[site]\nlatitude = -2.3\n", "pad.toml:1, site.longitude: is missing"),
         ("[site]\nlatitude = 123\nlongitude = 0\n", "latitude of 123 degrees is not on earth"),
-        ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "no 'dirct'. Did you mean 'direct'"),
-        ("[weather]\nfile = 'weather.csv'\n", "Give a Site with latitude and longitude;"),
+        ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "'dirct' is no field here. Did you mean 'direct'"),
+        ("[weather]\nfile = 'weather.csv'\n", "where is it\\? Give a Site"),
     ],
 )
 def test_mistakes_in_a_file_are_named(tmp_path: Path, weather: td.Weather, text: str, words: str) -> None:

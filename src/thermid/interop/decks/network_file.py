@@ -107,6 +107,18 @@ class FileLoad:
     factor: float = 1.0
 
 
+def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str, each: FileConductor | FileLoad) -> str:
+    """Return the path of a node that a line of a deck names.
+
+    Raises
+    ------
+    DeckError   When the deck does not define it.
+    """
+    if end not in at:
+        raise DeckError(f"{what} {each.name} names node {'.'.join(end).strip('.')}, which the deck does not define.", str(each.where))
+    return at[end]
+
+
 @dataclass(frozen=True, eq=False)
 class NetworkFile:
     """A thermal network as a deck of SINDA or ESATAN has it.
@@ -188,16 +200,15 @@ class NetworkFile:
             "submodels": submodels,
             "set": settings,
             "conductors": {each.name: self._conductor(each, at) for each in self.conductors},
-            "loads": {each.name: {"into": at[each.into], "power": _watts(each.power), **each.more} for each in self.loads},
+            "loads": {
+                each.name: {"into": _defined(at, each.into, "load", each), "power": _watts(each.power), **each.more} for each in self.loads
+            },
         }
         return model_from_dict(deck)
 
     def _conductor(self, each: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
         """Return the table of a conductor, times the factor of its group."""
-        for end in each.ends:
-            if end not in at:
-                raise DeckError(f"conductor {each.name} names node {'.'.join(end)}, which the deck does not define.", str(each.where))
-        table = {"between": [at[end] for end in each.ends], **each.table}
+        table = {"between": [_defined(at, end, "conductor", each) for end in each.ends], **each.table}
         key = SCALED[table["kind"]]
         value = table.get(key, "1")
         table[key] = {"value": f"{each.group}*{value}" if each.group else value, "source": "derived", "basis": str(each.where)}

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME, RESERVED
+from thermid.extensions import by_grammar, grammar_of
 from thermid.files import read_text
 from thermid.model.deck.rows import written_out
 from thermid.model.parts.parameter import Parameter, parameter
@@ -23,8 +24,8 @@ from thermid.toml_files import Places, read_toml, resolve_inside
 
 if TYPE_CHECKING:
     from thermid.model.deck.assemblies import Assembly
-    from thermid.model.deck.schema import Deck
 
+SCHEMA = "thermid.model.deck.schema"
 DEEPEST = 20
 ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
 """Groups of a deck whose elements are small decks."""
@@ -129,13 +130,12 @@ def model_from_dict(
     ------
     DeckError       When it does not follow the grammar; every fault is listed.
     """
-    from thermid.model.deck.schema import Deck, fields_of_groups, tables_of
-
     where = Places(file or str(data.get("title", "deck")), lines or {})
     if data.get("tables"):
-        data, lines = written_out(data, tables_of(data["tables"], where), where, read, fields_of_groups())
+        tables = grammar_of(f"{SCHEMA}.tables_of")(data["tables"], where)
+        data, lines = written_out(data, tables, where, read, grammar_of(f"{SCHEMA}.fields_of_groups")())
         where = Places(where.file, lines)
-    deck = Deck.from_file(data, where)
+    deck = by_grammar("deck", data, where)
     site = _Site(where, use, read)
     elements: dict[str, Any] = {
         group: {name: table.element(site.below(f"{group}.{name}")) for name, table in getattr(deck, group).items()} for group in TABLES
@@ -173,7 +173,7 @@ def _line(where: Places, key: str) -> int | str | None:
     return where.lines.get(key) or where.lines.get(key.partition(".")[0])
 
 
-def _parts(deck: Deck, site: _Site) -> Iterator[tuple[str, Instances]]:
+def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
     """Yield key and parts of everything that a deck uses or that stands for a small deck."""
     for name, used in deck.submodels.items():
         key = f"submodels.{name}"

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
 from thermid.errors import DeckError, ThermidError, nearest
-from thermid.grammar import StrictTable, reads
+from thermid.grammar import Real, StrictTable, reads
 from thermid.model.deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model.deck.fields import (
     Coefficient,
@@ -22,7 +22,6 @@ from thermid.model.deck.fields import (
     ElementTable,
     Points,
     Property,
-    Real,
     Tabulated,
     UsedTable,
     Value,
@@ -788,11 +787,6 @@ def tables_of(written: Mapping[str, Any], where: Where) -> dict[str, RowsTable]:
         name: RowsTable.from_file(raw, lambda inner, name=name: where(f"tables.{name}.{inner}".rstrip(".")))  # type: ignore[misc]
         for name, raw in written.items()
     }
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a deck, for editors."""
-    return Deck.model_json_schema()
 
 
 assert set(LoadTable.model_fields) >= {slot.partition(".")[0] for slot in LOAD_SLOTS}

@@ -278,6 +278,7 @@ class Names:
         self.nodes: dict[str, tuple[Tree, str]] = {}
         self._alias: dict[str, str] = {need: need for need in model.needs}
         self._seen: dict[str, str] = {}
+        self._offered: dict[str, frozenset[str]] = {}
         self._collect(model, "")
         self._bind(model, "")
 
@@ -323,11 +324,7 @@ class Names:
         """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
         path = model.canonical(raw)
         head, _, rest = path.partition(".")
-        if (
-            rest
-            and head in model.submodels
-            and not any(model.submodels[head].model.canonical(o) == rest for o in model.submodels[head].model.offers)
-        ):
+        if rest and head in model.submodels and rest not in self._offers(prefix + head, model.submodels[head].model):
             known = model.submodels[head].model.offers
             exists = prefix + path in self.nodes
             say = (
@@ -342,6 +339,12 @@ class Names:
             hint = self._near(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
             raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
+
+    def _offers(self, instance: str, part: Tree) -> frozenset[str]:
+        """Return what an instance of a part offers, by canonical paths."""
+        if instance not in self._offered:
+            self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
+        return self._offered[instance]
 
     def seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""

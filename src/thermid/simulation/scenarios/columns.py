@@ -9,7 +9,7 @@ from typing import Any
 
 from thermid.errors import ScenarioError, errors_at
 from thermid.measure import read_plain, read_record
-from thermid.model.laws.signal import CONDUCT, Signal, TableSignal, conducted
+from thermid.model.laws.signal import Signal, TableSignal, conducted
 from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
@@ -45,15 +45,10 @@ class LogColumns:
 
         Raises
         ------
-        ScenarioError   When a key is unknown, the column is missing, or its unit or time zero is not known.
+        ScenarioError   When the column is missing, or its unit or time zero is not known.
         """
         if not (isinstance(value, Mapping) and "file" in value):
             return value
-        unknown = set(value) - {"file", "column", "unit", "time", "hold", *CONDUCT}
-        if unknown or "column" not in value:
-            raise ScenarioError(
-                "give a column of a log by file and column, with unit, time, hold, samples, after and period as needed.", where
-            )
         file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
         if file == self.cut:
             raise ScenarioError(
