@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -136,7 +135,7 @@ def calibrate_fmu(
         return _told(problem, found)
 
 
-def _fmpy() -> ModuleType:
+def _fmpy() -> Any:
     try:
         import fmpy
     except ImportError as error:
@@ -270,7 +269,7 @@ class _Problem:
 
     def residuals(self, fitted: Array) -> Array:
         """Return what the readings exceed the outputs by (outputs, times), in units of the noise."""
-        return (self.runner(self.values(fitted)) - self.readings) * self.weights
+        return np.asarray((self.runner(self.values(fitted)) - self.readings) * self.weights)
 
     def slopes(self, fitted: Array) -> Array:
         """Return their derivatives (outputs, times, unknowns) by central differences; one-sided at a bound."""
