@@ -110,7 +110,7 @@ ARROWS |= {
     "site": FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "sourced"},
     "acquire": FOUNDATION | MEASURE,
     "interop": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
-    "interop.fmu": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "interop", "_kernel"},
+    "interop.fmu": LOW | FIT | {"interop", "_kernel"},
 }
 TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
