@@ -30,6 +30,7 @@ FOUNDATION = {
     "dual",
     "linear_algebra",
     "renamed",
+    "results",
 }
 
 MODEL = {"model", "model.laws", "model.parts", "model.tree", "model.deck", "model.blocks"}
@@ -49,6 +50,7 @@ ARROWS: dict[str, set[str]] = {
     "grammar": {"errors"},
     "memo": set(),
     "renamed": set(),
+    "results": {"errors", "extensions"},
     "_units_table": set(),
     "dual": set(),
     "linear_algebra": set(),

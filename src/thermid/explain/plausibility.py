@@ -23,6 +23,7 @@ from thermid.physics.air import dry_air
 from thermid.physics.materials import MATERIALS
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
+from thermid.results import Result
 from thermid.simulation.transient import simulate
 
 CORRELATION = 1.5
@@ -82,7 +83,7 @@ class RangeCheck:
 
 
 @dataclass(frozen=True, eq=False)
-class Plausibility:
+class Plausibility(Result):
     """What is physical of a fit.
 
     Parameters
@@ -129,6 +130,10 @@ class Plausibility:
             lines.append(f"  no physical range is known for {', '.join(self.unjudged)}")
         lines += [f"  {words}" for words in self.undecided]
         return "\n".join(lines)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the values."""
+        return [str(row["path"]) for row in self._as_rows() if "path" in row]
 
 
 @takes_objects

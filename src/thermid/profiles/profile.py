@@ -14,6 +14,7 @@ from thermid.files import PROFILE, write_text
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.results import Result
 from thermid.sourced import check_mark, weakest
 from thermid.units import TEMPERATURE
 
@@ -318,7 +319,7 @@ KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidit
 
 
 @dataclass(frozen=True)
-class ThermalProfile:
+class ThermalProfile(Result):
     """A profile of an environmental test.
 
     Parameters

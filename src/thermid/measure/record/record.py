@@ -39,16 +39,19 @@ from thermid.measure.record.channel import (
 )
 from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
+from thermid.physics.constants import ICE_POINT
+from thermid.results import PlottedTrace, Result, Row, optional
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
     from xarray import Dataset
 
 FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 
 
-class Record(Samples):
+class Record(Samples, Result):
     """Measured channels on one time axis.
 
     Parameters
@@ -486,6 +489,43 @@ class Record(Samples):
     def _lost(self, masked: Sequence[Channel]) -> str:
         """Return the samples that were masked of each channel, in words."""
         return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the valid samples of every temperature, else of every channel in its unit."""
+        chosen = [c for c in self.channels.values() if c.quantity == "temperature"] or list(self.channels.values())
+        shift = ICE_POINT if chosen and chosen[0].quantity == "temperature" else 0.0
+        return [PlottedTrace(c.name, self.times[c.valid], c.values[c.valid] - shift, measured=True) for c in chosen]
+
+    def _as_rows(self) -> list[Row]:
+        """Return every channel with its range."""
+        return [
+            {
+                "channel": c.name,
+                "quantity": c.quantity,
+                "role": c.role,
+                "target": c.target,
+                "lowest": float(c.values[c.valid].min()),
+                "highest": float(c.values[c.valid].max()),
+                "valid": int(c.valid.sum()),
+            }
+            for c in self.channels.values()
+            if c.valid.any()
+        ]
+
+    def to_frame(self) -> DataFrame:
+        """Return a record as a frame over `time_s`, a column a channel in the unit of its file, masked samples as NaN.
+
+        Raises
+        ------
+        MissingExtraError   When pandas is not installed.
+        """
+        pandas = optional("pandas", "to_frame")
+        columns = {c.name: from_si(np.where(c.valid, c.values, np.nan), c.unit) for c in self.channels.values()}
+        return pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the channels."""
+        return list(self.channels)
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
