@@ -22,7 +22,10 @@ def without_script(source: str) -> str:
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = POLICY.search(source)
     assert policy is not None
-    assert html.unescape(policy[1]) == f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'"
+    assert (
+        html.unescape(policy[1])
+        == f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; script-src 'sha256-{digest}'"
+    )
     bare = source.replace(f"<script>{script}</script>", "")
     assert "<script" not in bare
     assert not re.search(r"https?://(?!www\.w3\.org)", source)
@@ -31,7 +34,7 @@ def without_script(source: str) -> str:
 
 FIGURE = re.compile(r'<svg class="plot".*?</svg>', re.DOTALL)
 PANEL = re.compile(r'<g class="panel" [^>]*?data-ends="([^"]*)".*?(?=<g class="panel"|</svg>)', re.DOTALL)
-LINE = re.compile(r'<path class="line" data-n="([^"]*)" d="([^"]*)"')
+LINE = re.compile(r'<path class="line" data-n="([^"]*)"(?: data-less="[^"]*")? d="([^"]*)"')
 CAPTION = re.compile(r"<figcaption>(.*?)</figcaption>", re.DOTALL)
 GRID = 10_000
 
@@ -55,28 +58,31 @@ def lines_of(figure: str) -> list[tuple[int, str, list[tuple[float, float]]]]:
 
 
 def crossings(figure: str) -> list[str]:
-    """Return the limits of a figure that a curve passes; a step of its grid is no crossing."""
+    """Return the limits of a figure that a curve of the same axes passes; a step of its grid is no crossing."""
     found = lines_of(figure)
-    limits = [(name, points) for _, name, points in found if name.startswith("limit")]
-    ends = [float(v) for v in PANEL.search(figure)[1].split()]  # type: ignore[index]
+    limits = [(panel, name, points) for panel, name, points in found if name.startswith("limit")]
+    ends = [[float(v) for v in p[1].split()] for p in PANEL.finditer(figure)]
     out = []
-    for name, ((a, level), *_, (b, _)) in limits:
-        others = [points[0][1] for n, points in limits if n == name and points[0][0] == a and points[0][1] != level]
+    for panel, name, ((a, level), *_, (b, _)) in limits:
+        others = [points[0][1] for p, n, points in limits if p == panel and n == name and points[0][0] == a and points[0][1] != level]
         side = -1.0 if others and others[0] > level else 1.0
-        for curve, points in ((n, np.array(p).T) for _, n, p in found if not n.startswith("limit")):
+        for curve, points in ((n, np.array(q).T) for p, n, q in found if p == panel and not n.startswith("limit")):
             x, y = points
             at = np.unique(np.concatenate([[a, b], x[(x >= a) & (x <= b)]]))
             at = at[(at >= x[0]) & (at <= x[-1])]
-            if at.size and (side * (np.interp(at, x, y) - level)).max() > 1.5 * (ends[3] - ends[2]) / GRID:
-                out.append(f"{curve} passes {name} of {level:.1f}")
+            if at.size and (side * (np.interp(at, x, y) - level)).max() > 1.5 * (ends[panel][3] - ends[panel][2]) / GRID:
+                out.append(f"{curve} passes {name} of {level:.4g}")
     return out
 
 
 def limited(page: str) -> list[tuple[str, str]]:
     """Return caption and figure of every picture with limits in a page."""
-    figures = [(page.index(figure), figure) for figure in FIGURE.findall(page)]
-    captions = [(found.start(), html.unescape(found[1])) for found in CAPTION.finditer(page)]
-    return [(next(c for at, c in captions if at > place), figure) for place, figure in figures if 'data-n="limit, ' in figure]
+    whole = re.findall(r"<figure.*?</figure>", page, re.DOTALL)
+    return [
+        (html.unescape(CAPTION.search(one)[1]), found[0])  # type: ignore[index]
+        for one in whole
+        if (found := FIGURE.search(one)) is not None and 'data-n="limit, ' in one
+    ]
 
 
 UNIT = re.compile(r"(?:^|[ (,])(K/h|K|°C|nK|W/\(m² K\)|W/\(m K\)|W/K|W|kg|cm²|m²|mm|kJ|J|s|min|h|%|% of rise)\)?$")

@@ -10,11 +10,12 @@ from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
 from thermid.reporting.blocks.content import Figures, Graphic, Plot
+from thermid.reporting.pages.courses import drives
 from thermid.reporting.pictures.chart import Area
 from thermid.reporting.pictures.figures import curve, curves
 
 SYNTHETIC = "synthetic: virtual laboratory"
-SMALL = (360, 225)
+SMALL = (300, 200)
 NAMES = {"stack.first": "R_cd1", "stack.second": "R_cd2", "proc.skin": "R_cn1", "ele.skin": "R_cn2", "stack.gap": "R_cn3"}
 NAMES |= {"m_PrE_PrS": "T_1", "m_PrE_EleG": "T_2", "cd": "T_cd", "cv": "T_amb", "proc.electronics": "Q_k1", "ele.electronics": "Q_k2"}
 """The document's symbols of Fig. 19."""
@@ -65,7 +66,8 @@ def panel(work: Work, p: Panel, key: str) -> Graphic:
         curve("simulated, convection zero as printed: a bound", "bound", printed.times, printed.celsius),
     ]
     high = float(np.max(simulated))
-    return curves(lines, key, f"{p.label}: measured and simulated", top=high + 0.9 * (high - 24.0), size=SMALL)
+    drive = drives(work.natural[p.stage], p.record)
+    return curves(lines, key, f"{p.label}: measured and simulated", top=high + 0.9 * (high - 24.0), size=SMALL, drive=drive)
 
 
 def figure(work: Work, panels: tuple[Panel, ...], key: str) -> Figures:
@@ -106,7 +108,7 @@ def fig_21() -> tuple[Figures, float]:
         below.append(curve(f"difference, {label}", ("bound", "other")[k], times, 1e9 * (ours[node].kelvin - other[k])))
         worst = max(worst, float(np.abs(ours[node].kelvin - other[k]).max()))
     drawn = curves(lines, "fig21", "network against equations", below=below, names=("temperature, °C", "difference, nK"), size=(760, 330))
-    caption = "Fig. 21: room +0.7 K over 5 h, EleGFO off at 3 h. No data: two integrations of one model."
+    caption = "The document's Fig. 21: room +0.7 K over 5 h, EleGFO off at 3 h. No data: two integrations of one model."
     return Figures((Plot(drawn, caption),), drawn.legend, wide=True), worst
 
 
@@ -128,9 +130,9 @@ def structures(work: Work) -> Figures:
             curve(name, look, b.times, b.residuals, less=("measured", name))
             for name, look, b in (("natural convection and radiation", "simulated", n), ("one constant coefficient", "bound", c))
         ]
-        drawn = curves(
-            lines, f"held-{key}", f"{sensor} in {record}", below=below, names=("temperature, °C", "residual, K"), size=(380, 280)
-        )
+        drive = drives(next(v for v in work.natural.verdicts if v.record == record).prediction, record)
+        title, names = f"{sensor} in {record}", ("temperature, °C", "residual, K")
+        drawn = curves(lines, f"held-{key}", title, below=below, names=names, size=(380, 280), drive=drive)
         plots.append(Plot(drawn, f"{model}: {sensor} in {record}, seen by no fit", SYNTHETIC))
     return Figures(tuple(plots), plots[0].drawn.legend)
 

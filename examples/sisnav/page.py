@@ -32,11 +32,11 @@ from thermid.reporting.pages.study import study_report
 
 WATERMARK = "Demonstration: 22 assumed parameters, synthetic data"
 PICTURES = {
-    "EleGFO": "Figs. 3 and 5: the model of every component, here EleGFO. A heat source, a mass, one path to the room.",
-    "m_PrE": "Figs. 18 and 19: m_PrE. T_cd is the massless node cd; the gap's loss R_cn,3 is stack.gap.",
-    "m_AccS": "Fig. 22: m_AccS.",
-    "m_IMU": "Fig. 23: m_IMU; the support's mass is shared among the gyros, as the document says.",
-    "m_Sd": "Fig. 24: the whole, m_SdU, Sd or m_Sd.",
+    "EleGFO": "The document's Figs. 3 and 5: the model of every component, here EleGFO. A heat source, a mass, one path to the room.",
+    "m_PrE": "The document's Figs. 18 and 19: m_PrE. T_cd is the massless node cd; the gap's loss R_cn,3 is stack.gap.",
+    "m_AccS": "The document's Fig. 22: m_AccS.",
+    "m_IMU": "The document's Fig. 23: m_IMU; the support's mass is shared among the gyros, as the document says.",
+    "m_Sd": "The document's Fig. 24: the whole, m_SdU, Sd or m_Sd.",
 }
 SEEN = {
     "m_Sd_PrS": "pre.proc.case",
@@ -139,23 +139,23 @@ def figures(work: Work) -> Section:
     spice = td.to_spice(td.load_model(HERE / "EleGFO.toml"), BENCH)
     blocks: list[PageBlock] = [
         Words("Measured means read by the virtual laboratory's sensors. The document's own curves are not public and were not copied."),
-        Heading("Fig. 17: components"),
+        Heading("The document's Fig. 17: components"),
         drawings.figure(work, drawings.FIG_17, "fig17"),
-        Heading("Fig. 25: submodels"),
+        Heading("The document's Fig. 25: submodels"),
         drawings.figure(work, drawings.FIG_25, "fig25"),
-        Heading("Fig. 26: the whole"),
+        Heading("The document's Fig. 26: the whole"),
         drawings.figure(work, drawings.FIG_26, "fig26"),
-        Heading("Fig. 21: the network against its equations"),
+        Heading("The document's Fig. 21: the network against its equations"),
         against,
         Words(
             f"Largest difference {1e9 * worst:.1f} nK. The equations are the text that the program wrote from the network, "
             "integrated by scipy's DOP853."
         ),
-        Heading("Figs. 3, 5, 18, 19, 22 to 24: the models"),
+        Heading("The document's Figs. 3, 5, 18, 19, 22 to 24: the models"),
         Words("Drawn from the decks, with settled temperatures at 24 °C."),
         *pictures[:2],
         *(folded(p.caption, [p]) for p in pictures[2:] if isinstance(p, Picture)),
-        Heading("Fig. 4: the electrical analogue"),
+        Heading("The document's Fig. 4: the electrical analogue"),
         Words("The same model as a circuit: degrees are volts, watts are amperes. ngspice solves it to the same numbers."),
         Code(spice, "EleGFO as a SPICE netlist."),
     ]
@@ -279,7 +279,7 @@ LIMITS = (
 )
 
 
-def main(work: Work, to: Path) -> Path:
+def main(work: Work, to: Path, audience: str = "all") -> Path:
     """Write the page and return its path."""
     sections = [
         levels(work),
@@ -289,4 +289,4 @@ def main(work: Work, to: Path) -> Path:
         Section.of("slips", "25 slips of the document, and what became of each", [findings.slips(work)], "Slips"),
         Section.of("limits", "What this study cannot say", [Notes(LIMITS)], "Limits of the study"),
     ]
-    return study_report(work.study, work.natural, to=to, sections=sections, outcome=outcome(work), watermark=WATERMARK)
+    return study_report(work.study, work.natural, to=to, sections=sections, outcome=outcome(work), watermark=WATERMARK, audience=audience)

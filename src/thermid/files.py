@@ -94,6 +94,8 @@ DELIVERY: Final = FileKind("delivery")
 TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"))
 LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"))
 NETCDF: Final = FileKind("netCDF file", _from_netcdf)
+SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"))
+"""In the folder of a report's tables, which nobody else names so."""
 COPY: Final = FileKind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
 OWN: Final = FileKind("file of results", lambda path: True)

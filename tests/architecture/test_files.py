@@ -38,6 +38,7 @@ NO_INPUT = {
     "thermid.acquire.bench_files": "the map is changed in its place",
     "thermid.acquire.benchlog": "the log is continued",
     "thermid.campaign.cache": "results of its own, and the code",
+    "thermid.interop.c99": "a text of the package",
     "thermid.judge.verdict": "verdicts of its own",
     "thermid.model.deck.save": "a deck may be changed in its place",
     "thermid.cli.qualify": "the delivery of this command",

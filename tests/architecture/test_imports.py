@@ -107,11 +107,12 @@ ARROWS |= {
     "reporting.diagrams": LOW,
     "reporting.pages": LOW
     | FIT
-    | {"campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
+    | {"sourced", "campaign", "explain", "judge", "inference", "reporting.blocks", "reporting.pictures", "reporting.diagrams"},
     "reporting.qualification": LOW | {"sourced", "judge", "qualify", "reporting.blocks", "reporting.pictures", "reporting.pages"},
     "site": FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "sourced"},
     "acquire": FOUNDATION | MEASURE,
     "interop": FOUNDATION | MODEL | SIMULATION | {"physics", "network"},
+    "interop.fmu": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "interop", "_kernel"},
 }
 TOP = {"cli", "studio", "__main__"}
 ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
@@ -119,7 +120,7 @@ ARROWS |= {room: {*ARROWS, *TOP, ""} - {"_kernel"} for room in TOP}
 # A scenario may take signals from columns of a table: that is all that `simulation` may know of measurements.
 ONLY_NAMES = {("simulation.scenarios", "measure"): {"read_record", "read_plain"}}
 
-HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy", "pvlib")
+HEAVY = ("pandas", "scipy", "matplotlib", "xarray", "pydantic", "pint", "plotly", "jinja2", "h5netcdf", "h5py", "sympy", "pvlib", "fmpy")
 
 
 def package_of(name: str) -> str:

@@ -125,12 +125,15 @@ void Integrator::advance(double t_end, Outputs& out) {
     double limit = o_.max_step;
     for (const Input& in : p_.inputs)
         if (in.kind == SINE && in.amplitude != 0.0) limit = std::min(limit, in.period / 6.0);
-    // A look at the start for the first step length.
-    h_ = t_end - t_;
-    end_ = t_end;
-    project();
-    start(true);
-    double next = given ? t_end - t_ : std::min(first_step(t_end - t_), settling()), wish = next;
+    double next = wish_;
+    if (next == 0.0) {  // a look at the start for the first step length
+        h_ = t_end - t_;
+        end_ = t_end;
+        project();
+        start(true);
+        next = given ? t_end - t_ : std::min(first_step(t_end - t_), settling());
+    }
+    double wish = next;
     while (t_ < t_end) {
         if (r_->steps + r_->rejected >= o_.max_steps) throw Failure{MAX_STEPS, worst(err_)};
         if ((r_->steps + r_->rejected) % rest == rest - 1 && o_.poll) o_.poll();
@@ -193,6 +196,7 @@ void Integrator::advance(double t_end, Outputs& out) {
             hold_ = std::numeric_limits<double>::infinity();
         }
     }
+    if (in_parts_) wish_ = next;
 }
 
 }  // namespace thermid

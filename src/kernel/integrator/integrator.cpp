@@ -33,12 +33,10 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     curved_ |= !p.followers.empty();
     constant_ = !curved_ && std::all_of(con_u_.begin(), con_u_.end(), [](const Entry& e) { return e.what >= 4; });
     for (auto* v : {&cap_, &inv_cap_}) v->assign(n, 0.0);
+    cap_at_.assign(p.pattern.size(), 0.0);
+    take_capacities();
     for (int i = 0; i < n_; ++i)
-        if (p.capacity[i] >= 0) {
-            cap_[i] = coef[p.capacity[i]];
-            inv_cap_[i] = 1.0 / cap_[i];
-            if (d.any(p.capacity[i])) sought_.push_back(i);
-        }
+        if (p.capacity[i] >= 0 && d.any(p.capacity[i])) sought_.push_back(i);
     for (auto* v : {&T_, &T1_, &d0_, &d1_, &dd0_, &dd1_, &base_, &bend_, &drift_, &drift_next_, &guess_, &err_, &shed_[0], &shed_[1], &g_, &dir_, &bb_, &xa_, &felt_}) v->assign(n, 0.0);
     for (auto* v : {&S_, &S1_, &CS_, &comb_, &sd0_, &sd1_, &sdd0_, &sdd1_, &G_, &dirS_, &fp_, &SO_}) v->assign(m, 0.0);
     delta_.assign(p.nodes(), 0.0);  // boundaries stay where they are
@@ -58,8 +56,6 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         for (auto* v : {&noise_[k].sb, &noise_[k].sc}) v->assign(m, 0.0);
     }
     lu_.resize(p.pattern, p.elimination);
-    cap_at_.assign(p.pattern.size(), 0.0);
-    for (int i = 0; i < n_; ++i) cap_at_[p.pattern.diag[i]] = cap_[i];
     for (auto* v : {&acc_con_, &E_con_}) v->assign(rows, 0.0);
     for (auto* v : {&acc_load_, &E_load_}) v->assign(loads, 0.0);
     when_.assign(np, 0.0);
@@ -73,14 +69,8 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         massless_begin_.push_back(static_cast<int>(massless_at_.size()));
     }
     index_slaved(massless_);
-    std::vector<char> taken(n_, 0);
-    for (int r = 0; r < p.con.size(); ++r) {  // what holds the heat of another is tied to that one alone
-        const int own = p.con.a[r], node = p.con.b[r];
-        if (p.con.kind[r] != POTENTIAL || own >= n_ || node >= n_ || cap_[node] > 0.0 || !(cap_[own] > 0.0) || taken[node]) continue;
-        if (p.pattern.begin[own + 1] - p.pattern.begin[own] != 2) continue;
-        taken[node] = 1;
-        holds_.push_back({node, own});
-    }
+    holds_ = p.holds();
+    need_u_ = !p.guards.empty();  // guards are looked at before the first output is
     for (const Guard& g : p.guards)
         for (int i : g.of.node) {
             sensor_boundary_ = sensor_boundary_ || i >= n_;
@@ -89,6 +79,15 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     entered_.assign(p.switches(), 0.0);
     entered_s_.assign(p.switches() * np, 0.0);
     sampled_.assign(p.samplers.size(), 0);
+}
+
+void Integrator::take_capacities() {
+    for (int i = 0; i < n_; ++i) {
+        if (p_.capacity[i] < 0) continue;
+        cap_[i] = coef_[p_.capacity[i]];
+        inv_cap_[i] = 1.0 / cap_[i];
+        cap_at_[p_.pattern.diag[i]] = cap_[i];
+    }
 }
 
 int Integrator::worst(const std::vector<double>& v) const {
@@ -200,6 +199,31 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
         if (p_.con.b[k] >= n_) r.boundary_energy[p_.con.b[k] - n_] += E_con_[k];
         if (p_.con.a[k] >= n_ && !is(p_.con.kind[k], ONE_WAY)) r.boundary_energy[p_.con.a[k] - n_] -= E_con_[k];
     }
+}
+
+void Integrator::begin(const double* nodes, double t, const double* entered, Result& r) {
+    r_ = &r;
+    t_ = t;
+    std::copy(nodes, nodes + n_, T_.begin());
+    for (int i = 0; i < n_; ++i) all_.push_back(i);
+    Outputs none{nullptr, 0, 0, nullptr, 0};
+    initial(nullptr, none);
+    std::copy(entered, entered + entered_.size(), entered_.begin());
+    in_parts_ = true;
+}
+
+void Integrator::go_on(double t_end) {
+    Outputs none{nullptr, 0, 0, nullptr, 0};
+    if (t_end > t_) advance(t_end, none);
+}
+
+void Integrator::renew() {
+    e_.renew();
+    eo_.renew();
+    take_capacities();
+    e_.set_inputs();
+    eo_.set_inputs();
+    first_ = true;
 }
 
 }  // namespace thermid

@@ -63,6 +63,14 @@ class Integrator {
     Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o, LeastSquares* squares = nullptr);
     void run(const double* t0_nodes, const double* s0, double t0, double t_end, const double* out_t, long nout, const int* obs, int nobs,
              Result& r);
+    // In parts, for a caller that goes on from time to time: begin where things stand, then go on to later times as often as wanted. Coefficients
+    // may change between, told by renew(). These throw Failure.
+    void begin(const double* nodes, double t, const double* entered, Result& r);
+    void go_on(double t_end);
+    void renew();
+    const std::vector<double>& temperatures() const { return T_; }
+    const std::vector<uint8_t>& switches() const { return e_.on; }
+    const std::vector<double>& entered() const { return entered_; }
 
   private:
     // Dense-output correction for the left-over v of one input: T += (b + s db) w + c ww + aab www, w = int v ...
@@ -115,7 +123,7 @@ class Integrator {
     bool constant_ = false;  // the Jacobian: no law is curved, no conductance follows an input
     std::vector<double> SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
-    bool need_u_ = false;    // outputs need the inputs' own values
+    bool need_u_ = false;    // outputs or guards need the inputs' own values
     bool inside_ = false;    // outputs fall into this step
 
     // stages.cpp
@@ -237,6 +245,7 @@ class Integrator {
     void put_sample(int k);
 
     // integrator.cpp
+    void take_capacities();
     void initial(const double* s0, Outputs& out);
     void check_state();
     void seen();
@@ -252,6 +261,8 @@ class Integrator {
     double old_error_ = 1.0, resume_ = 0.0;
     int pending_ = -1, refined_ = 0, same_time_ = 0;
     bool clipped_ = false, first_ = true;
+    bool in_parts_ = false;  // the next part begins with the step that this one would have made
+    double wish_ = 0.0;      // that step, 0 for none
     double slack_ = 1.0;  // part of the tolerances that a step may err by
 };
 

@@ -189,6 +189,19 @@ void Problem::find_pattern() {
     for (int k = 0; k < felt; ++k) load_place.push_back(follows(k) ? pattern.at(load.node[k % load.size()], load.felt[k]) : -1);
 }
 
+std::vector<std::pair<int, int>> Problem::holds() const {
+    std::vector<std::pair<int, int>> out;
+    std::vector<char> taken(n, 0);
+    for (int r = 0; r < con.size(); ++r) {  // what holds the heat of another is tied to that one alone
+        const int own = con.a[r], node = con.b[r];
+        if (con.kind[r] != POTENTIAL || own >= n || node >= n || capacity[node] >= 0 || capacity[own] < 0 || taken[node]) continue;
+        if (pattern.begin[own + 1] - pattern.begin[own] != 2) continue;
+        taken[node] = 1;
+        out.push_back({node, own});
+    }
+    return out;
+}
+
 Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&problem), coef(coefficients) {
     const size_t m = p->con.size(), l = p->load.size();
     u.assign(p->inputs.size(), 0.0);
@@ -211,6 +224,12 @@ Evaluation::Evaluation(const Problem& problem, const double* coefficients) : p(&
     for (const Drive& x : p->followers) pull.emplace_back(x.nodes.size(), 0.0);
     piece.assign(p->con.place.back(), 0);
     f.assign(p->nodes(), 0.0);
+    renew();
+}
+
+void Evaluation::renew() {
+    for (int j = 0; j < p->nc; ++j)
+        if (p->coef_input[j] < 0) ceff[j] = coef[j];
     quarter = true;
     for (int r = p->kind_begin[POWER]; r < p->kind_begin[POWER + 1]; ++r) {
         const int c = p->con.c1[r];

@@ -2,6 +2,7 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "network/inputs.hpp"
@@ -109,6 +110,7 @@ struct Problem {
     void sum_slopes(double* qab, const double* loads, double* v) const;
 
     int nodes() const { return n + nb; }
+    std::vector<std::pair<int, int>> holds() const;  // massless node, node that holds its heat
     // Whether a load's control takes the law's first coefficient for its full power.
     bool limited(int r) const { return load.control[r] >= 0 && control.kind[load.control[r]] == PROPORTIONAL && control.c[2][load.control[r]] == load.c[0][r]; }
     static constexpr int LARGEST = 5000;  // unknowns that the small integrator and a dense Jacobian are meant for
@@ -170,6 +172,7 @@ struct Evaluation {
 
     Evaluation(const Problem& problem, const double* coefficients);
     Evaluation(const Evaluation&) = delete;
+    void renew();            // coefficients have changed where they were passed
     void set_inputs();       // u -> ceff, boundary temperatures
     void move_inputs();      // the same after a change of moving inputs alone
     void rows();             // t -> rows and f

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,18 +35,25 @@ from thermid.errors import DeckError, OutputError, refuse_unknown
 from thermid.extensions import require
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.interop import equations as derive
+from thermid.interop.c99 import to_c
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
 from thermid.interop.decks.sinda import read_sinda
 from thermid.interop.decks.written import to_esatan, to_sinda
+from thermid.interop.fmu.export import to_fmu
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model, model_from_dict
 from thermid.model.deck.save import save_model, toml_text
+from thermid.model.laws.signal import literal
+from thermid.model.tree.model import Model
+from thermid.simulation.scenarios.scenario import Scenario
 
+COMMENTS = {"octave": "%", "c": "//", "spice": "*", "sinda": "C", "esatan": "#"}
+"""Form of an export -> what begins a comment in it."""
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
 
@@ -172,9 +180,11 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
 def export(
     deck: Deck,
     form: Annotated[
-        str, typer.Option("--as", help="octave (a function, also for MATLAB), spice (a netlist), sinda or esatan (a deck).")
+        str,
+        typer.Option("--as", help="octave (also for MATLAB), c (a C99 header), spice (netlist), sinda, esatan (deck), fmu (with --to)."),
     ] = "octave",
     to: To = None,
+    fmi: Annotated[str, typer.Option("--fmi", help="Version of the FMU: 3.0 or 2.0.")] = "3.0",
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
     param: Parameters = [],  # noqa: B006
@@ -187,22 +197,46 @@ def export(
     keep_values: KeepValues = False,
     accept: Accept = None,
     force: Force = False,
+    step: Annotated[
+        str | None, typer.Option("--step", help="Length of a step of the C header: 5 [s]; the longest with an error of 1 mK without it.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model for Octave, MATLAB, SPICE, SINDA or ESATAN.
+    """Write a model for Octave, MATLAB, C, SPICE, SINDA, ESATAN, or as an FMU.
 
     The scenario is written with it. What the format cannot say is refused.
     """
-    forms = ("octave", "spice", "sinda", "esatan")
+    forms = (*COMMENTS, "fmu")
     refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
     model = fitted_model(deck, values, keep_values, param)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
-    writers = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}
-    text = to_octave(model, conditions, name=to.stem if to is not None else "") if form == "octave" else writers[form](model, conditions)
+    if step is not None and form != "c":
+        raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
+    if form == "fmu":
+        _export_fmu(model, conditions, to, fmi, accept or (), as_json)
+        return
+    name = to.stem if to is not None else ""
+    if form == "octave":
+        text = to_octave(model, conditions, name=name)
+    elif form == "c":
+        text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
+    else:
+        text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
     standing = model_standing(model).accept(accept or ())
     if not standing.fair and not as_json:
         show(standing.line(), err=True)  # what is written is for another tool to read
-    _say(text, to, as_json, EXPORT, {"octave": "%", "spice": "*", "sinda": "C", "esatan": "#"}[form], standing=standing.to_dict())
+    _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())
+    leave(standing)
+
+
+def _export_fmu(model: Model, conditions: Scenario, to: Path | None, version: str, accept: Sequence[str], as_json: bool) -> None:
+    """Write an FMU, and say what is fixed in it."""
+    if to is None:
+        raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu")
+    written = to_fmu(model, conditions, to, version)
+    standing = model_standing(model).accept(accept)
+    shown = {"file": to.name, **written.to_dict(), "standing": standing.to_dict()}
+    say(as_json, shown, standing.over(f"{written}\nwritten: {to}"))
     leave(standing)
 
 

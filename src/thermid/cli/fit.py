@@ -19,6 +19,7 @@ from thermid.campaign.stages import Campaign, plain_readings
 from thermid.campaign.survey import survey
 from thermid.cli.options import (
     Accept,
+    Audience,
     CampaignPath,
     Data,
     Force,
@@ -52,6 +53,8 @@ from thermid.model.laws.signal import literal
 from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
 from thermid.prediction.records import predict_record
+from thermid.reporting.blocks.extras import tables_folder
+from thermid.reporting.blocks.numbering import check_audience
 from thermid.reporting.pages import campaign as page
 from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pictures.trust import check_ending, picture
@@ -107,6 +110,7 @@ def report(
     pdf: Pdf = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
+    audience: Audience = "all",
     fresh: Fresh = False,
     accept: Accept = None,
     force: Force = False,
@@ -119,9 +123,11 @@ def report(
     if to is None and pdf is None:
         raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line")
     to, pdf = ready(to, pdf)
+    check_audience(audience)
     result, _ = _run(campaign, data, results, fresh, accept)
+    beside = tables_folder(to or pdf or "")
     with working("writing the report"):
-        files = written(lambda path: page.report(result, to=path), to, pdf)
+        files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
     text = result.standing.over("\n".join(f"report: {path}" for path in files.values()), "stage")
     say(as_json, {**files, "passed": result.passed, "standing": campaign_standing(result)}, text)
     leave(result.standing, result.exit_code)

@@ -61,6 +61,9 @@ Force = Annotated[
     bool, typer.Option("--force", callback=_force, help="Write also over an input, or over a file that thermid did not write.")
 ]
 Page = Annotated[Path | None, typer.Option("--to", help="The page to write; a PDF where the name ends in .pdf.")]
+Audience = Annotated[
+    str, typer.Option("--for", help="summary (2 sheets), agency (what a reviewer reads) or all; long tables are CSV files beside it.")
+]
 Pdf = Annotated[Path | None, typer.Option("--pdf", help="The page as PDF, printed by an installed Chromium, Chrome or Edge.")]
 
 PRECEDENCE = (2, 3, 4, 1, 5, 0)

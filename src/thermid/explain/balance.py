@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import RecordError
+from thermid.errors import DeckError, RecordError
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import at_their_seats, attached, bind, role_and_target
 from thermid.linear_algebra import Array
@@ -212,7 +212,12 @@ class _Case:
         wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
-        refuse_controllers(self.network.flat.controls, self.network.controls, "an energy balance at one instant")
+        what = "an energy balance at one instant"
+        refuse_controllers(self.network.flat.controls, self.network.controls, what)
+        if cools := [n for n, store in self.network.stores.items() if store.melt is not None]:
+            raise DeckError(
+                f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and read the run's balance."
+            )
         known = {n: np.array([t]) for n, t in at.items()}
         flows = wiring.conductor_flows(a.numbers, known, zero, wiring.shares(a.numbers, known.__getitem__, zero))
         columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)

@@ -16,6 +16,7 @@ from thermid.dual import Number, value_of
 from thermid.errors import DeckError
 from thermid.linear_algebra import Array
 from thermid.model.laws.curves import Curve, evaluate, slopes
+from thermid.model.laws.stores import Melt
 from thermid.model.parts.controls import COMPLEMENT, named_control
 from thermid.model.tree.flat import FlatControl
 from thermid.network.rows import LoadRow
@@ -26,6 +27,10 @@ CLAMP, LOOKUP, OF_STATE = range(3)
 """Kinds of factors in the kernel: between two limits, a table, a value for each mode."""
 FREE: Final = -1
 """No limit."""
+
+
+PHASE: Final = "phase"
+"""What the machine of a node that supercools is called, behind the node's name."""
 
 
 def state_of(control: str, what: str) -> str:
@@ -190,6 +195,23 @@ def control_row(flat: FlatControl, values: Mapping[str, Any]) -> ControlRow:
     f = {name: values[path] for name, path in flat.fields.items()}
     make = _Maker(flat.path)
     return _RECIPES[flat.control.kind](flat, f, make)
+
+
+def phase_row(name: str, held: str, melt: Melt) -> ControlRow:
+    """Return the machine of a node that supercools: its share is that of the melt without crystals.
+
+    Parameters
+    ----------
+    name : str      Of the machine.
+    held : str      The node that holds its heat.
+    melt : Melt     Its liquid branch.
+    """
+    make = _Maker(name)
+    nodes = ((held, make.add(1.0)),)
+    molten, freezes, none, one = (make.add(number) for number in (melt.molten, melt.freezes, 0.0, 1.0))
+    ways = (GuardForm(0, 1, nodes, molten, 1.0), GuardForm(1, 0, nodes, freezes, -1.0))
+    share, rest = FactorForm(OF_STATE, values=(none, one)), FactorForm(OF_STATE, values=(one, none))
+    return ControlRow(name, tuple(make.numbers), share, rest, ("crystals", "liquid"), int(melt.given.starts == "liquid"), ways)
 
 
 def _refuse(flat: FlatControl, message: str) -> None:

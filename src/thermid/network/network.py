@@ -20,11 +20,12 @@ from thermid.errors import DeckError, errors_at
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.stores import HeatStore
+from thermid.model.parts.controls import COMPLEMENT
 from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
 from thermid.model.tree.model import Model
-from thermid.network.controls import ControlRow, control_names, control_row
+from thermid.network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.network.irradiation import absorbers
 from thermid.network.medium import TRACE, Media, refuse_unsaid, traced
 from thermid.network.rows import ConductorRow, LoadRow
@@ -200,7 +201,8 @@ class Network:
         conductors = tuple(row for rows in parts["conductors"].values() for row in rows)
         loads = tuple(row for rows in parts["loads"].values() for row in rows)
         controls = tuple(control_row(self.flat.controls[name], parts["values"]) for name in self.controls)
-        return Numbers(kept, conductors, loads, parts["values"], controls)
+        phases = tuple(phase_row(state_of(n, PHASE), held_in(n), s.melt) for n, s in self.stores.items() if s.melt is not None)
+        return Numbers(kept, conductors, loads, parts["values"], (*controls, *phases))
 
     @property
     def controls(self) -> tuple[str, ...]:
@@ -432,7 +434,12 @@ def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
             continue
         capacitances |= {node: None, own: capacitance}
         stored[own] = (node, store)
-        rows.append(ConductorRow(own, (own, node), Law("potential", (QUICK * capacitance,)), store.curve))
+        tie = ConductorRow(own, (own, node), Law("potential", (QUICK * capacitance,)), store.curve)
+        if store.melt is None:
+            rows.append(tie)
+            continue
+        phase = state_of(node, PHASE)
+        rows += [replace(tie, controls=(COMPLEMENT + phase,)), replace(tie, curve=store.melt.curve, controls=(phase,))]
     return Reduced(tuple(capacitances), capacitances, tuple(rows), reduced.recover, stored)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import thermid as td
 from unit.cli.conftest import Call
-from unit.interop.programs import octave
+from unit.interop.programs import STRICT, c99, octave
 
 SCRIPT = """TempC = 24; % Ambient temperature [Celsius].
 SpH = 480; % Spec. heat [J/(kg*K)].
@@ -87,6 +88,22 @@ def test_a_model_goes_to_spice(call: Call, accelerometer: Path) -> None:
     )
 
 
+def test_a_model_goes_to_c(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    """The page's program runs with the header that the page's command writes."""
+    held = ("export", accelerometer, "--as", "c", "--boundary", "air=24", "--load", "electronics=0.45", "--for", "5 [h]")
+    said = call(*held, "--to", tmp_path / "acc.h")
+    assert (said.code, said.err, said.out) == (0, "", f"written: {tmp_path / 'acc.h'}\n")
+    found = c99(tmp_path / "acc.h", np.array([18000.0]))
+    assert found[0, 0] - 297.15 == pytest.approx(2 * 8.917191, abs=2e-3)
+    page = (Path(__file__).parents[3] / "docs/exchange.md").read_text(encoding="utf-8")
+    (tmp_path / "main.c").write_text(page.partition("```c\n")[2].partition("```")[0], encoding="ascii")
+    subprocess.run(["gcc", *STRICT, "main.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
+    shown = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True).stdout
+    assert 273.15 + 24.0 < float(shown) < 273.15 + 60.0
+    assert call(*held, "--step", "5 [s]", "--to", tmp_path / "acc.h", "--force").code == 0
+    assert "#define acc_STEP 5.0 " in (tmp_path / "acc.h").read_text()
+
+
 def test_a_fitted_model_and_a_vacuum_go_out(call: Call, accelerometer: Path, tmp_path: Path) -> None:
     from thermid.knowledge.values import FittedValue, FittedValues
 
@@ -130,7 +147,11 @@ def test_coefficients_are_compared(call: Call) -> None:
     [
         (
             ("export", "DECK", "--as", "spyce"),
-            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave, spice, sinda, esatan.",
+            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave, c, spice, sinda, esatan, fmu.",
+        ),
+        (
+            ("export", "DECK", "--as", "spice", "--step", "5 [s]"),
+            "error: --step: a step is of a C header; 'spice' has no steps of its own.",
         ),
         (
             ("export", "DECK", "--boundary", "air=24"),

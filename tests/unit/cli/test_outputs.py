@@ -48,6 +48,7 @@ OUTPUTS = {
     "simulate --csv": ["simulate", "box.toml", "--scenario", "warm.toml", "--csv"],
     "simulate --netcdf": ["simulate", "pair.toml", "--scenario", "pair_warm.toml", "--netcdf"],
     "export --as octave": ["export", "box.toml", "--scenario", "warm.toml", "--to"],
+    "export --as c": ["export", "box.toml", "--scenario", "warm.toml", "--as", "c", "--to"],
     "export --as spice": ["export", "box.toml", "--scenario", "warm.toml", "--as", "spice", "--to"],
     "equations": ["equations", "box.toml", "--to"],
     "import": ["import", "tune.m", "--to"],

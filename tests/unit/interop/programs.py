@@ -43,3 +43,44 @@ def ngspice(file: Path) -> tuple[Array, dict[str, Array]]:
     fresh = np.append(True, np.diff(table[:, 0]) > 0)
     columns = {name[2:-1]: table[fresh, k] for k, name in enumerate(names) if name.startswith("v(")}
     return table[fresh, 0], columns
+
+
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+def c99(header: Path, times: Array, p: str = "", options: tuple[str, ...] = STRICT, step: str = "") -> Array:
+    """Temperatures (times, nodes) [K] that a written header computes for its scenario; `p` are statements that change its values."""
+    program = shutil.which("gcc") or shutil.which("cc")
+    if program is None:
+        pytest.skip("there is no C compiler (Debian package gcc)")
+    name = header.stem
+    listed = ", ".join(repr(float(t)) for t in times)
+    main = f"""
+#include <stdio.h>
+#include "{header.name}"
+int main(void) {{
+    static {name}_model m;
+    {name}_parameters p;
+    {name}_inputs u;
+    const double times[] = {{{listed}}};
+    int i, k, state;
+    {name}_defaults(&p);
+    {p}
+    {name}_scenario(0.0, 0, &u);
+    if ((state = {name}_start(&m, &p, &u))) return state;
+    for (k = 0; k < {len(times)}; ++k) {{
+        if ((state = {name}_run(&m, &p, times[k]))) return state;
+        for (i = 0; i < {name}_NODES; ++i) printf("%.17g ", m.T[i]);
+        printf("\\n");
+    }}
+    return 0;
+}}
+"""
+    source = header.with_suffix(".c")
+    source.write_text(main, encoding="ascii")
+    built = header.with_suffix("")
+    done = subprocess.run([program, *options, source.name, "-o", built.name, "-lm"], cwd=header.parent, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    ran = subprocess.run([str(built)], cwd=header.parent, capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, ""), (ran.returncode, ran.stderr)
+    return np.array([[float(x) for x in line.split()] for line in ran.stdout.splitlines()])

@@ -9,11 +9,14 @@ from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import thermid as td
 from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.campaign.stages import Campaign
+from thermid.reporting.blocks.content import Formulas, Section
+from thermid.reporting.blocks.numbering import AUDIENCES
 from thermid.reporting.pages.campaign import report
 
 EVIL = "\"><script>window.caught=1</script><img src=x onerror='window.caught=2'> ' & </style></svg> {{ 7*7 }} "
@@ -239,6 +242,85 @@ def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
     data = made.read_bytes()
     assert data.startswith(b"%PDF-")
     assert int(max(re.findall(rb"/Count (\d+)", data), key=int)) > 3
+
+
+SMALLEST = """
+const out = new Map(), walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+for (let n = walk.nextNode(); n; n = walk.nextNode()) {
+  const e = n.parentElement;
+  if (!n.textContent.trim() || !e.checkVisibility() || e.closest('script, style, title, .vh, sub, sup, math, .skip')) continue;
+  const scale = e.ownerSVGElement ? Math.hypot(e.getScreenCTM().a, e.getScreenCTM().b) : 1;
+  out.set(`${e.tagName} ${n.textContent.trim().slice(0, 30)}`, 0.75 * scale * parseFloat(getComputedStyle(e).fontSize));
+}
+return [...out].sort((a, b) => a[1] - b[1]).slice(0, 5);"""
+"""Texts with their size on paper [pt], the smallest first."""
+
+
+@pytest.fixture(scope="module")
+def readers(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("readers")
+    return {a: report(campaign, to=folder / f"{a}.html", audience=a) for a in AUDIENCES}
+
+
+@pytest.mark.parametrize("audience", AUDIENCES)
+def test_nothing_on_paper_is_smaller_than_six_and_a_half_points(browser: Page, readers: dict[str, Path], audience: str) -> None:
+    open_at(browser, readers[audience].as_uri(), 688, paper=True)
+    assert [text for text in browser.run(SMALLEST) if text[1] < 6.5] == []
+
+
+@pytest.mark.parametrize("audience", AUDIENCES)
+def test_answer_figure_and_network_stand_on_the_first_screen_and_sheet(browser: Page, readers: dict[str, Path], audience: str) -> None:
+    open_at(browser, readers[audience].as_uri(), 1600)
+    top = "return document.querySelector('#fig-decides svg').getBoundingClientRect().top"
+    assert browser.run(top) <= 700
+    open_at(browser, readers[audience].as_uri(), 688, paper=True)
+    ends = browser.run(
+        "return ['.sum', '#fig-decides', '#fig-network'].map((s) => document.querySelector(s).getBoundingClientRect().bottom)"
+    )
+    assert max(ends) <= (297 - 34) / 25.4 * 96
+
+
+@pytest.mark.parametrize(("audience", "most"), [("summary", 2), ("agency", 15), ("all", 30)])
+def test_each_reader_gets_a_pdf_of_the_promised_length(readers: dict[str, Path], tmp_path: Path, audience: str, most: int) -> None:
+    from thermid.reporting.blocks.extras import page_to_pdf
+
+    if CHROMIUM is None:
+        pytest.skip("no Chromium to print with")
+    made = page_to_pdf(readers[audience], tmp_path / "page.pdf")
+    assert 1 <= len(re.findall(rb"/Type /Page\b(?!s)", made.read_bytes())) <= most
+    shares = filled(made)
+    assert [round(share, 2) for share in shares[:-1] if share < 0.25] == []
+
+
+def filled(pdf: Path) -> list[float]:
+    """Return of every sheet the part of its height down to its last mark; heads and feet are left out."""
+    pdfium = pytest.importorskip("pypdfium2", reason="pypdfium2 is not installed (extra test)")
+    out = []
+    for sheet in pdfium.PdfDocument(pdf):
+        grey = np.asarray(sheet.render(scale=0.5, grayscale=True).to_numpy()).squeeze()
+        high = grey.shape[0]
+        rows = np.flatnonzero((grey[int(0.062 * high) : int(0.945 * high)] < 250).any(axis=1))
+        out.append(float(rows.max() / (0.883 * high)) if rows.size else 0.0)
+    return out
+
+
+def test_formulas_look_the_same_where_no_font_for_them_is_installed(browser: Page, tmp_path: Path) -> None:
+    lines = ("<math><msub><mi>T</mi><mi>a</mi></msub><mo>=</mo><mfrac><mn>1</mn><mi>R</mi></mfrac></math>", "(1)")
+    section = Section.of("formulas", "Formulas", [Formulas((lines,))])
+    study = td.load_study(Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml")
+    page = td.study_report(study, Campaign("none", {}, (), {}), to=tmp_path / "page.html", sections=[section])
+    open_at(browser, page.as_uri(), 1280)
+    browser.driver.execute_async_script("document.fonts.ready.then(arguments[0])")
+    family = "return getComputedStyle(document.querySelector('math')).fontFamily.startsWith('\"Thermid Mathematics\"')"
+    assert browser.run(family)
+    assert browser.run("return [...document.fonts].map((f) => f.status)") == ["loaded"]
+    base, low = browser.run(
+        "return ['mi', 'msub > :last-child'].map((s) => document.querySelector(`math ${s}`).getBoundingClientRect().bottom)"
+    )
+    assert low > base
+    assert browser.run("return document.querySelector('mo').getBoundingClientRect().width") > 3
+    text = report(Campaign("none", {}, (), {}), to=tmp_path / "plain.html").read_text(encoding="utf-8")
+    assert "@font-face" not in text  # a page without formulas carries no font
 
 
 def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

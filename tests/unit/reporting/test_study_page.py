@@ -78,9 +78,9 @@ def test_texts_are_escaped_and_nothing_runs_or_loads(page: str) -> None:
     assert not re.search(r"\son\w+=|(?:src|href)=\"(?!#|data:)", without_script(page))
 
 
-def test_the_watermark_stands_behind_and_on_the_banner(page: str) -> None:
+def test_the_watermark_stands_on_every_sheet_and_on_the_banner(page: str) -> None:
     assert "A TRIAL &amp; NO MORE" in page
-    assert "A%20trial%20%26amp%3B%20no%20more" in page
+    assert '@bottom-left{content:"A trial \\26  no more"}' in page
 
 
 def test_curves_have_their_looks_and_say_where_they_leave(drawn: Plot) -> None:

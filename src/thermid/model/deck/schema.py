@@ -32,7 +32,7 @@ from thermid.model.deck.fields import (
 from thermid.model.laws.curves import Curve, limited
 from thermid.model.laws.options import Box, StandsFor
 from thermid.model.laws.signal import literal
-from thermid.model.laws.stores import melting, tabulated
+from thermid.model.laws.stores import Supercooling, melting, tabulated
 from thermid.model.parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model.parts.elements import (
     CONTROLS,
@@ -80,6 +80,8 @@ class NodeTable(ElementTable):
     melts_from: str | None = None
     melts_to: str | None = None
     liquid_specific_heat: str | None = None
+    supercooling: str | None = None
+    starts: str | None = None
     capacitance: Value | None = None
     stands_for: StandsFor | None = None
     reference_point: bool = False
@@ -100,11 +102,34 @@ class NodeTable(ElementTable):
             raise DeckError("a table of specific heat or of enthalpy stands beside a mass, and beside nothing else.", where(""))
         if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
             raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(""))
-        return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "")
+        cools = self._supercooling(melts, where)
+        return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
+
+    def _supercooling(self, melts: Mapping[str, float], where: Where) -> Supercooling | None:
+        """Return how far the melt cools before it freezes; None where it does not."""
+        if self.supercooling is None:
+            if self.starts is not None:
+                raise DeckError("starts = 'liquid' belongs to a node with supercooling; any other melts where it is warm.", where("starts"))
+            return None
+        if self.enthalpy is None and not melts:
+            raise DeckError(
+                "supercooling belongs to a node that melts: latent_heat and melts_from, or an enthalpy and melts_to.", where("")
+            )
+        if self.starts not in (None, "solid", "liquid"):
+            raise DeckError(f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.", where("starts"))
+        degree = literal(self.supercooling, "K", where("supercooling"))
+        if not melts and self.melts_to is None:
+            raise DeckError("supercooling beside an enthalpy counts from melts_to, where everything is liquid.", where("melts_to"))
+        liquidus = (
+            melts.get("melts_to", melts.get("melts_from", 0.0)) if melts else literal(self.melts_to or "", "temperature", where("melts_to"))
+        )
+        return Supercooling(liquidus, degree, self.starts or "solid")
 
     def _plain_melting(self, where: Where) -> dict[str, str]:
         """Return the texts by which a node melts; nothing where it does not."""
         texts = {key: text for key in MELTING if (text := getattr(self, key))}
+        if self.enthalpy is not None and self.supercooling is not None and set(texts) == {"melts_to"}:
+            return {}
         heat = self.specific_heat
         plain = isinstance(heat, Parameter) and bool(heat.unit) and heat == Parameter(heat.expression)
         if texts and (self.enthalpy is not None or not {"latent_heat", "melts_from"} <= set(texts) or not plain):

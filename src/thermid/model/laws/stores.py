@@ -34,6 +34,45 @@ ROOM: Final = 293.15
 """Temperature at which the capacitance of a node with a table of specific heat is quoted. [K]"""
 
 
+@dataclass(frozen=True)
+class Supercooling:
+    """How far a melt cools before it freezes.
+
+    Parameters
+    ----------
+    liquidus : float    Temperature from which on everything is liquid; freezing would begin here. [K]
+    degree : float      By how much the melt cools below it until crystals form. [K]
+    starts : str        'solid' or 'liquid': what a node is that starts between the two temperatures.
+    """
+
+    liquidus: float
+    degree: float
+    starts: str = "solid"
+
+    @property
+    def nucleation(self) -> float:
+        """Temperature at which crystals form. [K]"""
+        return self.liquidus - self.degree
+
+
+@dataclass(frozen=True, eq=False)
+class Melt:
+    """The liquid branch of a store that supercools.
+
+    Parameters
+    ----------
+    given : Supercooling
+    rise, curve : Curve     As those of `HeatStore`, of the melt without crystals.
+    molten, freezes : float Levels at which the last crystal melts and at which crystals form. [K]
+    """
+
+    given: Supercooling
+    rise: Curve
+    curve: Curve
+    molten: float
+    freezes: float
+
+
 @dataclass(frozen=True, eq=False)
 class HeatStore:
     """How a node stores heat: H = capacitance * level(T), with the capacitance at a reference.
@@ -44,27 +83,42 @@ class HeatStore:
     given : Curve       As written: specific heat or enthalpy over temperature.
     rise : Curve        Level over temperature. [K]
     curve : Curve       Temperature over level, for the kernel; its second table is the identity. [K]
+    melt : Melt or None     Its liquid branch where it supercools.
     """
 
     reference: float
     given: Curve
     rise: Curve
     curve: Curve
+    melt: Melt | None = None
 
-    def level(self, kelvin: Any) -> Array:
-        """Return the temperature that a constant specific heat would show at temperatures, by enthalpy; solid at a melting point. [K]"""
+    def level(self, kelvin: Any, liquid: bool = False) -> Array:
+        """Return the temperature that a constant specific heat would show at temperatures, by enthalpy; solid at a melting point. [K]
+
+        `liquid`: of the melt without crystals, where that is.
+        """
         at = np.asarray(kelvin, dtype=float)
-        return np.where(np.isnan(at), np.nan, self._at(np.where(np.isnan(at), ROOM, at))[0])
+        return np.where(np.isnan(at), np.nan, self._at(np.where(np.isnan(at), ROOM, at), liquid)[0])
 
-    def share(self, kelvin: Any) -> Array:
+    def share(self, kelvin: Any, liquid: bool = False) -> Array:
         """Return the specific heat at temperatures over that at the reference. [-]"""
-        return self._at(np.asarray(kelvin, dtype=float))[1]
+        return self._at(np.asarray(kelvin, dtype=float), liquid)[1]
 
-    def _at(self, kelvin: Array) -> tuple[Array, Array]:
+    def begins(self, kelvin: Any) -> tuple[Array, Array]:
+        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures: a melt where the deck says so."""
+        at = np.asarray(kelvin, dtype=float)
+        solid = self.level(at), self.share(at)
+        if self.melt is None or self.melt.given.starts != "liquid":
+            return solid
+        melt = at > self.melt.given.nucleation
+        return np.where(melt, self.level(at, True), solid[0]), np.where(melt, self.share(at, True), solid[1])
+
+    def _at(self, kelvin: Array, liquid: bool) -> tuple[Array, Array]:
+        rise = self.melt.rise if liquid and self.melt is not None else self.rise
         inside = np.clip(kelvin, COLDEST, HOTTEST)
-        if not self.rise.straight:
-            return hermite(self.rise.x, self.rise.y, slopes(self.rise), inside)
-        x, y = self.rise.x, self.rise.y
+        if not rise.straight:
+            return hermite(rise.x, rise.y, slopes(rise), inside)
+        x, y = rise.x, rise.y
         k = np.clip(np.searchsorted(x, inside, side="left") - 1, 0, x.size - 2)  # of two points at one temperature the first
         slope = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
         return y[k] + slope * (inside - x[k]), slope
@@ -170,13 +224,21 @@ def potential(given: Curve) -> Curve:
 
 
 @lru_cache(maxsize=64)
-def store(name: str, given: Curve) -> HeatStore:
-    """Return how a node with a table of specific heat or of enthalpy stores heat."""
+def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> HeatStore:
+    """Return how a node with a table of specific heat or of enthalpy stores heat.
+
+    Raises
+    ------
+    DeckError   When a specific heat falls to zero, or a melt cannot supercool as asked.
+    """
     if name == "enthalpy" and given.straight:
         reference = ends(given)[0]
         x, y, _ = _extended(given.x, given.y, np.array(ends(given)), replace(given, outside="hold"))
         y = COLDEST + (y - y[0]) / reference
-        return HeatStore(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None))
+        melt = _melt(given, x, y, supercooling) if supercooling is not None else None
+        return HeatStore(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None), melt)
+    if supercooling is not None:
+        raise DeckError("supercooling needs an enthalpy of straight lines, or latent_heat, melts_from and melts_to.")
     if name == "enthalpy":
         x, y, d = _enthalpy(given)
         reference = float(d[0])
@@ -190,6 +252,31 @@ def store(name: str, given: Curve) -> HeatStore:
     rise = Curve("temperature", x, y, d)
     x, y, d = _divided(x, y, d)
     return HeatStore(reference, given, rise, _inverse(given, x, y, 1.0 / d))
+
+
+def _melt(given: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
+    """Return the liquid branch of temperatures x over levels y: the line above the liquidus, carried on below it.
+
+    Freezing begins where the melt has reached its nucleation temperature; the heat that it holds then belongs to the table, so that its
+    temperature rises at once to the one that the table gives (recalescence, in no time and without a loss; Günther, Mehling and Hiebler,
+    Modelling Simul. Mater. Sci. Eng. 15 (2007) 879).
+    """
+    liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
+    k = int(np.searchsorted(x, liquidus, side="right")) - 1
+    if not (0 < k < x.size - 1 and x[k] == liquidus):
+        raise DeckError(f"melts_to = {liquidus:.6g} K is no point of the enthalpy; supercooling counts from one.")
+    if not (supercooling.degree > 0.0 and nucleation > COLDEST):
+        raise DeckError(f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.")
+    rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
+    xs, ys = np.r_[COLDEST, x[k:]], np.r_[y[k] - rate * (liquidus - COLDEST), y[k:]]
+    freezes = float(y[k] - rate * supercooling.degree)
+    after = float(np.interp(freezes, y, x))
+    if not after > nucleation:
+        raise DeckError(
+            f"a melt that cools by {supercooling.degree:.6g} K has given off more than its latent heat: with crystals it would be at"
+            f" {after:.6g} K, below the {nucleation:.6g} K at which they form. Give less supercooling."
+        )
+    return Melt(supercooling, Curve("temperature", xs, ys), _inverse(given, xs, ys, None), float(y[k]), freezes)
 
 
 def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:

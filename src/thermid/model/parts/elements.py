@@ -9,6 +9,7 @@ import numpy as np
 
 from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Signal, TableSignal
+from thermid.model.laws.stores import Supercooling
 from thermid.model.parts.facing import Facing, degrees
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
@@ -51,6 +52,7 @@ class Node:
     test_only : bool        Whether it exists on the bench only (a sensor, a lead).
     table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
     stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `flat.gas_nodes`.
+    supercooling : Supercooling or None     How far its melt cools before it freezes.
     """
 
     fields: Fields = field(default_factory=dict)
@@ -58,6 +60,7 @@ class Node:
     test_only: bool = False
     table: tuple[str, Curve] | None = None
     stands_for: str = ""
+    supercooling: Supercooling | None = None
 
 
 @dataclass(frozen=True)

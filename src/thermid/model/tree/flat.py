@@ -184,7 +184,8 @@ def flatten(model: Tree) -> Flat:
     for owner, prefix in model.walk():
         for name, node in owner.nodes.items():
             fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
-            heat = store(*node.table) if node.table else None
+            with errors_at(owner.where(f"nodes.{name}")):
+                heat = store(*node.table, node.supercooling) if node.table else None
             nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat, node.stands_for))
         for name, joint in owner.joints.items():
             mid = prefix + (joint.mid or f"{name}.mid")

@@ -340,7 +340,10 @@ def _law_to(c: Conductor) -> dict[str, Any]:
 
 def _heat_to(node: Node) -> dict[str, Any]:
     """Return the property over temperature by which a node stores heat."""
-    return {node.table[0]: _points_to(node.table[1], TABULATED[node.table[0]])} if node.table else {}
+    out: dict[str, Any] = {node.table[0]: _points_to(node.table[1], TABULATED[node.table[0]])} if node.table else {}
+    if (cools := node.supercooling) is not None:
+        out |= {"melts_to": f"{cools.liquidus!r} [K]", "supercooling": f"{cools.degree!r} [K]", "starts": cools.starts}
+    return out
 
 
 def _points_to(shape: Curve, slot: str) -> dict[str, Any]:

@@ -57,13 +57,15 @@ class Table(PageBlock):
     columns : tuple of Head
     rows : tuple of tuples of Cell  As many cells as columns each.
     caption : str                   What it shows, and how to read it.
-    title : str                     Its name, for who hears the page; that of the heading above it by default.
+    title : str                     Its name; that of the heading above it by default.
+    key : str                       Its place, for references.
     """
 
     columns: tuple[Head, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
     title: str = ""
+    key: str = ""
 
     @classmethod
     def of(cls, columns: Sequence[Head], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
@@ -172,9 +174,10 @@ def duration(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Words(PageBlock):
-    """A paragraph."""
+    """A paragraph; `refs` are the keys of figures and tables to which it refers at its end."""
 
     text: str
+    refs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -210,6 +213,10 @@ class LegendEntry:
     width: float = 2.0
 
 
+NARROW = 301.0
+"""Width of a figure of which three fit on a sheet. [px]"""
+
+
 @dataclass(frozen=True)
 class Graphic:
     """A figure as markup to stand in the page.
@@ -223,23 +230,41 @@ class Graphic:
     markup: str
     legend: tuple[LegendEntry, ...]
 
+    @property
+    def narrow(self) -> bool:
+        """Whether three of it fit beside one another on a sheet, with letters of 6.5 pt."""
+        found = re.search(r'viewBox="0 0 ([\d.]+)', self.markup)
+        return found is not None and float(found[1]) <= NARROW
+
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure with its caption; `tag` marks what it rests on, such as synthetic data."""
+    """A figure with its caption; `tag` marks what it rests on, such as synthetic data; `key` is its place, for references."""
 
     drawn: Graphic
     caption: str
     tag: str = ""
+    key: str = ""
 
 
 @dataclass(frozen=True)
 class Figures(PageBlock):
-    """Figures side by side under one legend, or one wide figure."""
+    """Figures side by side under one legend, or one wide figure; `lead` figures decide, and each has its legend below it."""
 
     plots: tuple[Plot, ...]
     legend: tuple[LegendEntry, ...] = ()
     wide: bool = False
+    lead: bool = False
+
+
+SHEET_HEIGHT = 1250.0
+"""Height of a diagram whose letters have 6.5 pt where it fills a sheet. [px]"""
+
+
+def tall(svg: str) -> bool:
+    """Return whether a diagram is too tall for a sheet with letters that can be read."""
+    found = re.search(r'viewBox="0 0 [\d.]+ ([\d.]+)"', svg)
+    return found is not None and float(found[1]) > SHEET_HEIGHT
 
 
 @dataclass(frozen=True)
@@ -248,6 +273,11 @@ class Picture(PageBlock):
 
     svg: str
     caption: str
+
+    @property
+    def tall(self) -> bool:
+        """Whether it is too tall for a sheet with letters that can be read."""
+        return tall(self.svg)
 
 
 @dataclass(frozen=True)
@@ -285,17 +315,21 @@ class Section:
     title : str         Its heading.
     blocks : tuple      What it holds; a `Table` may stand for itself.
     short : str         What the contents call it; the title by default.
+    audiences : tuple   For whom it stands on the page.
     """
 
     key: str
     title: str
     blocks: tuple[PageBlock, ...]
     short: str = ""
+    audiences: tuple[str, ...] = ("agency", "all")
 
     @classmethod
-    def of(cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "") -> Section:
+    def of(
+        cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "", audiences: tuple[str, ...] = ("agency", "all")
+    ) -> Section:
         """Return a section; tables become blocks, and one without a title has that of the heading above it."""
-        return cls(key, title, _titled(title, blocks), short or title)
+        return cls(key, title, _titled(title, blocks), short or title, audiences)
 
 
 def folded(title: str, blocks: Sequence[PageBlock], note: str = "") -> FoldOut:

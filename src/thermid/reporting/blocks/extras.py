@@ -19,6 +19,7 @@ from thermid.errors import MissingExtraError, ThermidError
 from thermid.extensions import missing
 from thermid.files import PAGE, PAPER, may_write, scratch, write_bytes, write_text
 from thermid.reporting.blocks.content import typeset
+from thermid.reporting.blocks.numbering import Sheets, numbered
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -47,7 +48,7 @@ class Script:
     permit: str
 
 
-def page_template(name: str) -> Template:
+def page_template(name: str, sheets: Sheets) -> Template:
     """Return a template of this folder; every text that goes in is escaped.
 
     Raises
@@ -69,6 +70,7 @@ def page_template(name: str) -> Template:
         re.sub(r"([._/])(?=\w)", r"\1<wbr>", str(escape(typeset(text))))
     )  # where a name may break
     environment.filters["css_text"] = lambda text: Markup(css_text(str(text)))
+    environment.globals["sheets"] = sheets
     environment.globals["style"] = Markup(environment.get_template("page.css.jinja").render())
     text = _asset("page.js")
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
@@ -76,17 +78,47 @@ def page_template(name: str) -> Template:
     return environment.get_template(name)
 
 
-def write_page(name: str, to: str | os.PathLike[str], **values: object) -> Path:
-    """Fill a template of this folder, write the page, and return its path; its folder is made where it is missing.
+def tables_folder(page: str | os.PathLike[str]) -> Path:
+    """Return the folder beside a page that holds its long tables."""
+    return Path(page).with_suffix(".tables")
+
+
+def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None = None, **values: object) -> Path:
+    """Fill a template of this folder, write the page and its long tables, and return its path; its folder is made where it is missing.
+
+    Parameters
+    ----------
+    name : str          The template.
+    to : path           The page.
+    sheets : Sheets     Where the long tables go, and for whom the page is; beside the page and for all by default.
+    values              What the template says.
 
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
     """
-    content = page_template(name).render(**values)
     target = Path(to)
+    kept = sheets if sheets is not None else Sheets(tables_folder(target))
+    content = numbered(page_template(name, kept).render(audience=kept.audience, **values))
+    content = content.replace(FORMULAS, formula_face() if "<math" in content else "", 1)
     target.parent.mkdir(parents=True, exist_ok=True)
-    return write_text(target, content, PAGE)
+    written = write_text(target, content, PAGE)
+    kept.write()
+    return written
+
+
+FORMULAS = "/*formulas*/"
+"""Where the style of a page takes the font of its formulas."""
+
+
+def formula_face() -> str:
+    """Return the font of formulas with its own bytes, so that they look the same where no such font is installed (decision 221)."""
+    from importlib.resources import files
+
+    font = files("thermid.reporting.blocks").joinpath("mathematics.woff2").read_bytes()
+    address = f"data:font/woff2;base64,{base64.b64encode(font).decode()}"
+    family = '"Thermid Mathematics"'
+    return f'@font-face{{font-family:{family};src:url("{address}") format("woff2")}} math{{font-family:{family},math}}'
 
 
 def css_text(text: str) -> str:

@@ -265,7 +265,7 @@ def _node(
         lift = -7 if row.loads else 0
         yield _text(middle - 10, row.middle + 4 + lift, clipped(f"{name} {under}".strip(), 130), "halo", "end", tip=row.path)
         return
-    fill = f' style="fill:{_tint(given[row.path], given)}"' if row.path in given else ""
+    fill = f' style="fill:{tint(given[row.path], given)}"' if row.path in given else ""
     kind = " warm" if fill else ""
     width = plan.right - plan.left
     yield (
@@ -276,8 +276,8 @@ def _node(
     yield _text(middle, row.middle + 13, clipped(under, width - 10), kind.strip() or "soft", "middle")
 
 
-def _tint(kelvin: float, given: Mapping[str, float]) -> str:
-    """Return a colour from pale blue to pale orange; dark text stands on all of them."""
+def tint(kelvin: float, given: Mapping[str, float]) -> str:
+    """Return the colour of a temperature among others: pale blue the lowest, pale orange the highest; dark text stands on all."""
     low, high = min(given.values()), max(given.values())
     share = (kelvin - low) / (high - low) if high > low else 0.5
     cold, mild, warm = (191, 219, 242), (244, 240, 226), (250, 188, 128)

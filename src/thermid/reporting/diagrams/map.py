@@ -106,7 +106,8 @@ def placed(model: Model, flat: Flat) -> tuple[tuple[Card, ...], frozenset[str]]:
         if i != j:
             weight[i, j] += 0.2 if {a, b} & hubs else 1.0
             weight[j, i] = weight[i, j]
-    columns, rows, places = _grid(weight, max((len(g) for g in groups.values()), default=1))
+    tallest = max((len(g) for g in groups.values()), default=1)
+    columns, rows, places = grid(weight, HEAD + LINE * tallest + FOOT + 14.0, PAGE[1] - 50.0)
     wide, high = PAGE[0] / columns, (PAGE[1] - 50.0) / rows
     out = []
     for name, (column, row) in zip(names, places, strict=True):
@@ -118,11 +119,16 @@ def placed(model: Model, flat: Flat) -> tuple[tuple[Card, ...], frozenset[str]]:
     return tuple(out), hubs
 
 
-def _grid(weight: Array, tallest: int) -> tuple[int, int, list[tuple[int, int]]]:
-    """Return columns and rows of a grid that holds all cards, and the column and row of each."""
+def grid(weight: Array, need: float, room: float) -> tuple[int, int, list[tuple[int, int]]]:
+    """Return columns and rows of a grid that holds all cards, and the column and row of each, neighbours near one another.
+
+    Parameters
+    ----------
+    weight : array (cards, cards)   How strongly each two belong together; symmetric.
+    need, room : float              Height of the tallest card with its gap, and of the page. [px]
+    """
     count = len(weight)
-    need = HEAD + LINE * tallest + FOOT + 14.0
-    rows = max(1, min(round(math.sqrt(count * 0.62)), int((PAGE[1] - 50.0) // need)))
+    rows = max(1, min(round(math.sqrt(count * 0.62)), int(room // need)))
     columns = -(-max(count, 1) // rows)
     spots = [(c, r) for r in range(rows) for c in range(columns)]
     if count < 3:

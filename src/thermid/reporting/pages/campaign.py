@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +20,23 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
+from thermid.judge.metrics import largest, metric
+from thermid.judge.verdict import Verdict
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
-from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant
-from thermid.reporting.blocks.extras import write_page
+from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant, tall
+from thermid.reporting.blocks.extras import tables_folder, write_page
+from thermid.reporting.blocks.numbering import Sheets, check_audience
 from thermid.reporting.diagrams.diagram import diagram
+from thermid.reporting.diagrams.heat import heat_map
 from thermid.reporting.pages import tables
-from thermid.reporting.pages.tables import glance, tightest
+from thermid.reporting.pages.courses import drives as driving
+from thermid.reporting.pages.front import VERDICTS_TABLE, front
+from thermid.reporting.pages.tables import glance
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 from thermid.simulation.solution import Solution
+from thermid.sourced import VERDICTS
 from thermid.units import from_si, unit
 
 FEW = 4
@@ -46,12 +54,14 @@ def report(
     to: str | os.PathLike[str],
     scenarios: Sequence[tuple[str, Solution]] = (),
     notes: str | Sequence[str] = (),
+    audience: str = "all",
+    tables_to: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Write a campaign as one HTML page and return its path.
 
     The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
     and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script
-    but its own, without which it stands as well.
+    but its own, without which it stands as well. Long tables are files of comma-separated values too, in a folder beside the page.
 
     Parameters
     ----------
@@ -59,11 +69,15 @@ def report(
     to : path               The file to write; its folder is made where it is missing.
     scenarios : sequence    Pairs (title, Solution): what the model predicts.
     notes : str(s)          What the author says, a paragraph each.
+    audience : str          ``summary``: at most two sheets; ``agency``: what a reviewer reads; ``all``: everything.
+    tables_to : path        Folder of the long tables; that of the page's name with ``.tables`` by default.
 
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    ScenarioError       When there is no such audience.
     """
+    sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
     records, of = tables.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
@@ -75,17 +89,18 @@ def report(
         synthetic=records,
         record_count=of,
         notes=[p for p in (campaign.note, *paragraphs) if p],
-        verdicts=tables.verdicts(campaign) if campaign.verdicts else None,
-        held_out=_held_out(campaign),
-        tightest=tightest(campaign),
+        verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
+        held_out=_held_out(campaign) if audience != "summary" else None,
+        front=front(campaign),
         coefficients=coefficients,
         others=others,
         overview=figures.overview(_dots(campaign)) if campaign.stages else None,
-        stages=[_stage(f"stage-{k}", c, campaign) for k, c in enumerate(campaign.fits, 1)],
+        stages=[_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=tables.data(campaign),
         models=tables.models(campaign),
         versions=tables.versions(),
+        sheets=sheets,
         seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(campaign.fits, 1)}),
     )
 
@@ -95,7 +110,18 @@ def _inline(svg: str) -> str:
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
-def _stage(key: str, c: Calibration, campaign: Campaign) -> Part:
+ANNEX = (
+    ("inputs", "Inputs, with their sources"),
+    ("records", "Every record and sensor"),
+    ("local", "Values of single records"),
+    ("correlations", "Correlations"),
+    ("areas", "Area ledger"),
+    ("held", "All values, with what they hide"),
+)
+"""Tables of a stage that open on demand, and stand in files alone on a page that is not for all."""
+
+
+def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part:
     """Return what the page says of one stage."""
     samples = sum(s.samples for s in c.sensors.values())
     facts = (
@@ -122,48 +148,79 @@ def _stage(key: str, c: Calibration, campaign: Campaign) -> Part:
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
     picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
+    annex = [(title, shown[name]) for name, title in ANNEX if shown[name].rows]
+    if sheets.audience != "all":
+        for title, table in annex:
+            sheets.keep(table, f"{c.stage} {title}")
+    whole = sheets.audience == "all"
     return {
         "key": key,
         "name": c.stage,
         "model": c.model,
         "facts": facts,
         "warnings": c.warnings,
-        "diagram": picture,
-        "traces": _traces(c.blocks, f"{key}-trace"),
+        "diagram": picture if whole or not tall(picture) else "",
+        "tall": tall(picture),
+        "traces": _traces(c.blocks, f"{key}-trace", fits={id(b): c for b in c.blocks}, most=figures.MOST_TRACES if whole else BRIEF),
         "tables": shown,
-        "trust": trust(campaign, c),
+        "annex": annex if whole else [],
+        "trust": trust(campaign, c) if whole else (),
     }
 
 
-def _traces(blocks: Sequence[SensorTrace], key: str, models: Mapping[int, str] | None = None) -> Part:
+BRIEF = 4
+"""Traces of a stage on a page that is not for all."""
+
+
+def _traces(
+    blocks: Sequence[SensorTrace],
+    key: str,
+    models: Mapping[int, str] | None = None,
+    *,
+    fits: Mapping[int, Calibration],
+    judged: Mapping[int, Verdict] | None = None,
+    most: int = figures.MOST_TRACES,
+) -> Part:
     """Return the traces to draw with what marks each, the text that says which, and whether they stand open.
 
-    `models` names the model of each block by its identity, where several stand together.
+    `models` names the model of each block by its identity, where several stand together; `fits` says of which fit each is, and `judged`
+    by which verdict.
     """
-    chosen = figures.choose(blocks)
+    chosen = figures.choose(blocks, most)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
     if len(chosen) < len(blocks):
         text = (
             f"{len(chosen)} of {len(blocks)} traces are drawn: for each sensor those with the lowest, the median and the highest RMSE, "
             "and others evenly between them. All statistics count every trace."
         )
-    drawn: list[Part] = [
-        {
-            "block": b,
-            "mark": mark,
-            "model": (models or {}).get(id(b), ""),
-            "drawn": figures.trace(b, f"{key}-{k}", f"{b.sensor} in {b.record}: measured and simulated"),
-        }
-        for k, (b, mark) in enumerate(chosen)
-    ]
+    drives = {(id(fits[id(b)]), b.record): driving(fits[id(b)], b.record) for b, _ in chosen}
+    drawn: list[Part] = []
+    for k, (b, mark) in enumerate(chosen):
+        limit, met = _limit(b, (judged or {}).get(id(b)))
+        title = f"{b.sensor} in {b.record}: measured and simulated"
+        graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit)
+        drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "drawn": graphic})
     return {"drawn": drawn, "text": text, "opened": len(chosen) <= FEW}
+
+
+def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, str]:
+    """Return the limit of every single residual of a trace, and whether it is met; None and nothing where no such limit was judged."""
+    for c in verdict.checks if verdict is not None else ():
+        if c.sensor == block.sensor and metric(c.criterion).of is largest:
+            return c.limit, VERDICTS[c.passed]
+    return None, ""
 
 
 def _held_out(campaign: Campaign) -> Part | None:
     """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
-    blocks = {(v.model, b.record, b.sensor): b for v in campaign.verdicts for b in v.blocks}
-    models = {id(b): model for (model, _, _), b in blocks.items()}
-    return _traces(list(blocks.values()), "held-out", models if len(set(models.values())) > 1 else None) if blocks else None
+    blocks = {(v.model, b.record, b.sensor): (b, v) for v in campaign.verdicts for b in v.blocks}
+    if not blocks:
+        return None
+    models = {id(b): model for (model, _, _), (b, _) in blocks.items()}
+    fits = {id(b): v.prediction for b, v in blocks.values() if v.prediction is not None}
+    judged = {id(b): v for b, v in blocks.values()}
+    several = models if len(set(models.values())) > 1 else None
+    return _traces([b for b, _ in blocks.values()], "held-out", several, fits=fits, judged=judged)
 
 
 def _dots(campaign: Campaign) -> list[Dots]:
@@ -195,10 +252,12 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     drawn = figures.prediction(solution, key, f"{title}: predicted temperatures")
     final = dict(zip(solution.nodes, solution.temperatures[-1].tolist(), strict=True))
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
-    pictures = [
-        _inline(diagram(m, temperatures=final, powers=powers, title=f"{title}: temperatures at the end"))
-        for m in _models_of(solution, campaign)
-    ]
+    end = f"{title}: temperatures at the end"
+    flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
+    pictures = []
+    for m in _models_of(solution, campaign):
+        drawn_whole = _inline(diagram(m, temperatures=final, powers=powers, title=end))
+        pictures.append(heat_map(m, final, flows, powers, title=end) if tall(drawn_whole) else drawn_whole)
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,

@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
-from urllib.parse import quote
-from xml.sax.saxutils import escape
 
 from thermid.arguments import takes_objects
 from thermid.campaign.methodology import Study
@@ -39,9 +37,11 @@ from thermid.reporting.blocks.content import (
     signed,
     significant,
 )
-from thermid.reporting.blocks.extras import write_page
+from thermid.reporting.blocks.extras import tables_folder, write_page
+from thermid.reporting.blocks.numbering import Sheets, check_audience
 from thermid.reporting.pages import tables
-from thermid.reporting.pages.tables import glance, tightest
+from thermid.reporting.pages.front import VERDICTS_TABLE, front
+from thermid.reporting.pages.tables import glance
 from thermid.reporting.pictures import figures
 from thermid.reporting.pictures.figures import Dots
 from thermid.units import from_si
@@ -56,8 +56,12 @@ def study_report(
     sections: Sequence[Section] = (),
     outcome: Sequence[PageBlock] = (),
     watermark: str = "",
+    audience: str = "all",
+    tables_to: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Write a study as one HTML page and return its path. The page loads nothing and runs no script but its own.
+
+    Long tables are files of comma-separated values too, in a folder beside the page.
 
     Parameters
     ----------
@@ -66,46 +70,50 @@ def study_report(
     to : path               The file to write; its folder is made where it is missing.
     sections : sequence     What its author adds, between the parts and the log.
     outcome : sequence      What stands below the verdicts' summary.
-    watermark : str         Words behind everything, and on a banner; for what must not be taken for a result.
+    watermark : str         Words at the foot of every sheet, and on a banner; for what must not be taken for a result.
+    audience : str          ``summary``: at most two sheets; ``agency``: what a reviewer reads; ``all``: everything.
+    tables_to : path        Folder of the long tables; that of the page's name with ``.tables`` by default.
 
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    ScenarioError       When there is no such audience.
     """
+    sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
     records, of = tables.made_records(campaign)
     text = (
         f"{len(records)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if records else ""
     )
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
-    shown = [Section.of("steps", "The four steps", steps(study)), _parts_section(study), *sections, _record_section(study, campaign)]
+    added = [s for s in sections if audience in s.audiences]
+    whole = [Section.of("steps", "The four steps", steps(study)), _parts_section(study), *added, _record_section(study, campaign)]
+    shown = sheets.shortened(whole)
+    if audience == "summary":
+        shown = [Section.of("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
     failed = [v for v in campaign.verdicts if not v.passed]
     return write_page(
         "study.html.jinja",
         to,
         title=study.title,
-        opening=[t for t in (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "") if t],
+        opening=_opening(study, audience),
         watermark=watermark,
         headline="",
-        tile=tile(watermark),
         banners=banners,
         failed=len(failed),
         judged=len(campaign.verdicts),
-        summary=f"on records that no fit has seen; {tightest(campaign)}" if campaign.verdicts else "no record was held out",
+        summary="on records that no fit has seen" if campaign.verdicts else "no record was held out",
+        front=front(campaign),
         outcome=outcome,
         sections=shown,
         seen=glance(campaign, {}),
+        sheets=sheets,
     )
 
 
-def tile(words: str) -> str:
-    """Return a tile of slanted words as the address of an image, readable on light and on dark."""
-    width = 40 + 11 * len(words)
-    svg = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{width * 3 // 5}"><text x="50%" y="50%" text-anchor="middle" '
-        f'transform="rotate(-24 {width // 2} {width * 3 // 10})" font-family="sans-serif" font-size="17" font-weight="600" '
-        f'fill="#8a6f5a" fill-opacity=".13">{escape(words)}</text></svg>'
-    )
-    return f"data:image/svg+xml,{quote(svg)}"
+def _opening(study: Study, audience: str) -> list[str]:
+    """Return what the study is about; nothing of it on two sheets."""
+    words = (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "")
+    return [] if audience == "summary" else [t for t in words if t]
 
 
 def steps(study: Study) -> list[PageBlock]:
@@ -257,12 +265,16 @@ def _record_section(study: Study, campaign: Campaign) -> Section:
     lines = step_log(study, campaign)
     blocks: list[PageBlock] = [
         folded("Log of every step", [lines], f"{len(lines.rows)} lines"),
-        folded("Verdicts, criterion by criterion", [tables.verdicts(campaign)]),
+        *([_verdicts(campaign)] if campaign.verdicts else []),
         folded("Data", [tables.data(campaign)]),
         folded("Models and fits", [tables.models(campaign)]),
         folded("Versions", [tables.versions()]),
     ]
     return Section.of("record", "On record", blocks)
+
+
+def _verdicts(campaign: Campaign, ranked: bool = False) -> Table:
+    return replace(tables.verdicts(campaign, ranked), title="Verdicts, criterion by criterion", key=VERDICTS_TABLE)
 
 
 CLOSE = 1.05
@@ -350,7 +362,6 @@ def structures_report(
         title=title,
         opening=list(notes),
         watermark="",
-        tile="",
         banners=[],
         headline=f"Taken: {taken.name}" if taken else "None can be taken",
         failed=0 if taken and taken.physical else 1,

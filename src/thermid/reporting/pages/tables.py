@@ -268,8 +268,13 @@ def areas(model: Model) -> Table:
     return Table.of(columns, rows, "Exposed area convects and radiates; exposed + contact + gap = total.")
 
 
-def verdicts(campaign: Campaign) -> Table:
-    """Return every criterion of every verdict: found, limit, met or not, and what the verdict is conditional on."""
+def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
+    """Return every criterion of every verdict: found, limit, met or not, and what the verdict is conditional on.
+
+    Parameters
+    ----------
+    ranked : bool   Whether what takes most of its limit stands first; else in the order of the campaign.
+    """
     columns = [
         Head("model"),
         Head("held-out record"),
@@ -282,19 +287,24 @@ def verdicts(campaign: Campaign) -> Table:
         Head("conditional on", wrapped=True),
     ]
     rows: list[Line] = []
+    sizes: list[float] = []
     for v in campaign.verdicts:
         if v.passed is None:
             why = Cell("not judged", v.standing.line(v.model), "warn")
             rows.append([Cell(v.model, v.title, "main"), Cell(v.record, v.title), DASH, DASH, DASH, DASH, DASH, why, Cell("nothing")])
+            sizes.append(math.inf)
         for k, c in enumerate(v.checks):
-            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
+            named = k == 0 or ranked
+            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [Cell("", "", "same"), Cell("", "", "same")]
+            sizes.append(abs(c.found) / c.limit)
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
             condition = Cell(", ".join(v.fitted_locally), "fitted to this very record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
                 condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
             rows.append([*first, c.sensor, c.title, *cells, result, condition])
-    return Table.of(columns, rows)
+    order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
+    return Table.of(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
 
 
 def _outside(verdict: Verdict, check: Check) -> str:

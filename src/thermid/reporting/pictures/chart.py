@@ -64,6 +64,7 @@ class Panel:
     levels : sequence       Heights of thin lines from side to side.
     top : float             Upper end of the axis where not everything is to be seen; a line that leaves it is marked with its end.
     share : float           Its part of the height.
+    zero : bool             Whether the axis begins at zero, where no value lies below it.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Panel:
     levels: Sequence[float] = ()
     top: float | None = None
     share: float = 1.0
+    zero: bool = False
 
 
 def thinned(values: Array, limit: int = POINTS) -> NDArray[np.int64]:
@@ -137,7 +139,7 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     size : (width, height)      [px]
     """
     width, height = size
-    left, right, bottom, gap = 52.0, 8.0, 36.0, 12.0
+    left, right, bottom, gap = 54.0, 8.0, 38.0, 12.0
     every = [line.x for p in panels for line in p.lines]
     x_low, x_high = _widened(min(float(x.min()) for x in every), max(float(x.max()) for x in every), 0.01)
     limit = min(POINTS, MOST // max(len(every), 1))
@@ -152,7 +154,7 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     said = escape(f"{label}. {seen(panels, x_name, (float(min(x.min() for x in every)), float(max(x.max() for x in every))))}")
     end = f'<text x="{left + (width - left - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
     head = f'<svg class="plot" role="img" aria-label="{said}" viewBox="0 0 {width:g} {height:g}" data-unit="{escape(x_name[1])}"'
-    return f'{head} style="font-size:11px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>'
+    return f'{head} style="font-size:12px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>'
 
 
 def _together(panels: Sequence[Panel], limit: int) -> dict[int, NDArray[np.int64]]:
@@ -204,6 +206,7 @@ def _panel(
     shown = [v[np.isfinite(v)] for line in p.lines for v in (line.y,)] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
     low, high = min([low, *p.levels]), max([high, *p.levels])
+    low = min(low, 0.0) if p.zero else low
     low, high = _widened(low, high, 0.05)
     high = p.top if p.top is not None and p.top < high else high
     x_ticks, y_ticks = nice_ticks(*x_ends, round(width / 62)), _at_least_two(low, high, max(3, round(height / 42)))
@@ -213,7 +216,7 @@ def _panel(
     rules = "".join(f"M{x:.1f} {top:.1f}v{height:.1f}" for x in place) + "".join(f"M{left:g} {y:.1f}h{width:g}" for y in heights)
     texts = [_text(left - 6, y + 3.8, "end", number_text(t, steps[1])) for t, y in zip(y_ticks, heights, strict=True)]
     if last:
-        texts += [_text(x, top + height + 14, "middle", number_text(t, steps[0])) for t, x in zip(x_ticks, place, strict=True)]
+        texts += [_text(x, top + height + 15, "middle", number_text(t, steps[0])) for t, x in zip(x_ticks, place, strict=True)]
     scale = _Scale(x_ends, (low, high))
     shapes = [_area(a, scale, limit) for a in p.areas] + [_line(line, scale, limit, kept.get(id(line))) for line in p.lines]
     middle = top + height / 2

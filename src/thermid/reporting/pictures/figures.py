@@ -16,8 +16,8 @@ from thermid.reporting.pictures.chart import Area, Panel, Stroke, chart, nice_ti
 from thermid.simulation.solution import Solution
 
 INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
-SERIES = ("#0072b2", "#c25200", "#00805e", "#b0568c", "#7a5c00", "#2a7fb0", "#7b4fa3", "#222e3c")
-"""After Okabe and Ito's colours (Color Universal Design, 2008), darkened to three to one on white at least."""
+SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#590084", "#1d2632")
+"""From Okabe and Ito's colours (Color Universal Design, 2008), moved until every two differ for colour-blind eyes too (decision 220)."""
 DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (7, 2, 2, 2), (9, 3), (1, 2.5), (5, 1.5, 1, 1.5, 1, 1.5), (3, 3))
 """As many as colours, so that no two lines differ by colour alone."""
 MARKS = "●■▲◆▼✚✖★"
@@ -33,6 +33,22 @@ SHAPES = (
 )
 MOST_TRACES = 12
 LOOKS = {"measured": ("--f-measured", MEASURED), "simulated": ("--f-simulated", SIMULATED), "residual": ("--f-residual", RESIDUAL)}
+
+
+@dataclass(frozen=True, eq=False)
+class RecordDrive:
+    """What drove a record.
+
+    Parameters
+    ----------
+    times : array (times,)      [s]
+    ambient : dict              Boundary -> temperature (times,). [K]
+    power : array (times,)      Sum of all powers; None where the model has no load. [W]
+    """
+
+    times: Array
+    ambient: Mapping[str, Array]
+    power: Array | None
 
 
 @dataclass(frozen=True)
@@ -89,10 +105,37 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
     return [(b, marks.get(id(b), "")) for b in blocks if id(b) in kept]
 
 
+POWER_PANEL = 62.0
+"""What the panel of the power adds to the height of a figure. [px]"""
+
+
+def driven(drive: RecordDrive | None, begin: float, end: float) -> tuple[list[Stroke], list[Stroke]]:
+    """Return the lines of at most two ambient temperatures [degC] and of the power [W] over seconds, between two times."""
+    if drive is None:
+        return [], []
+    inside = (drive.times >= begin - 1e-9) & (drive.times <= end + 1e-9)
+    times, green = drive.times[inside], ("--s2", SERIES[2])
+    ambient = [
+        Stroke(f"ambient {name}", times, kelvin[inside] - ICE_POINT, green, 1.3, dash)
+        for (name, kelvin), dash in zip(drive.ambient.items(), ("1.5 2.5", "7 2 2 2"), strict=False)
+    ]
+    return ambient, [] if drive.power is None else [Stroke("power", times, drive.power[inside], ("--s3", SERIES[3]), 1.4)]
+
+
 def compared(
-    times: Array, measured: Array, predicted: Array, key: str, label: str, *, below: str = "residual", wide: float = 0.0
+    times: Array,
+    measured: Array,
+    predicted: Array,
+    key: str,
+    label: str,
+    *,
+    below: str = "residual",
+    wide: float = 0.0,
+    drive: RecordDrive | None = None,
+    limit: float | None = None,
+    size: tuple[float, float] = (440, 280),
 ) -> Graphic:
-    """Return readings with the simulation over them, and their difference below: the one layout of every such figure.
+    """Return readings with the simulation over them, their difference below, and what drove them: the one layout of every such figure.
 
     Parameters
     ----------
@@ -102,44 +145,49 @@ def compared(
     label : str                             What a screen reader says.
     below : str                             What the lower axis is called.
     wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
+    drive : RecordDrive                           Ambient temperatures and power over the same record; none drawn without it.
+    limit : float                           Limit of every single difference, over the whole record; none drawn without it. [K]
+    size : (width, height)                  Without the panel of the power. [px]
     """
     length, unit = time_unit(float(times[-1] - times[0]))
     x, y, residual = times / length, measured - ICE_POINT, measured - predicted
     bands: list[Area] = []
     low: list[Area] = []
+    ends = np.array([x[0], x[-1]])
     if wide > 0:
-        ends = np.array([x[0], x[-1]])
         bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
         low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
     lines = [Stroke("measured", x, y, LOOKS["measured"], 3.4), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
-    panels = [
-        Panel("temperature", "°C", lines, bands, share=2.4),
-        Panel(
-            below,
-            "K",
-            [Stroke("measured less simulated", x, residual, LOOKS["residual"], 1.0, less=("measured", "simulated"))],
-            low,
-            (0.0,),
-        ),
-    ]
-    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(440, 280))
     entries = [LegendEntry("measured", "--f-measured", width=4), LegendEntry("simulated", "--f-simulated", width=2)]
+    differences = [Stroke("measured less simulated", x, residual, LOOKS["residual"], 1.0, less=("measured", "simulated"))]
     entries.append(LegendEntry("measured less simulated", "--f-residual", width=1.4))
+    ambient, power = driven(drive, float(times[0]), float(times[-1]))
+    lines += [replace(line, x=line.x / length) for line in ambient]
+    entries += [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in (*ambient, *power)]
+    if limit is not None:
+        differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
+        entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
+    panels = [Panel("temperature", "°C", lines, bands, share=2.4), Panel(below, "K", differences, low, (0.0,))]
+    panels += [Panel("power", "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
+    tall = size[1] + (POWER_PANEL if power else 0.0)
+    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], tall))
     entries += [LegendEntry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
     return Graphic(markup, tuple(entries))
 
 
-def trace(block: SensorTrace, key: str, label: str) -> Graphic:
-    """Return measured against simulated readings of one sensor in one record, with the residuals below.
+def trace(block: SensorTrace, key: str, label: str, drive: RecordDrive | None = None, limit: float | None = None) -> Graphic:
+    """Return measured against simulated readings of one sensor in one record, with the residuals and what drove them below.
 
     Parameters
     ----------
-    block : PageBlock   The readings.
-    key : str       Prefix of the figure's identifiers, different for every figure of a page.
-    label : str     What a screen reader says before what is seen.
+    block : SensorTrace     The readings.
+    key : str               Prefix of the figure's identifiers, different for every figure of a page.
+    label : str             What a screen reader says before what is seen.
+    drive, limit            As in `compared`.
     """
     rmse = float(np.sqrt(np.mean(block.residuals**2)))
-    return compared(block.times, block.measured, block.measured - block.residuals, key, f"{label}, RMSE {rmse:.3g} K")
+    predicted = block.measured - block.residuals
+    return compared(block.times, block.measured, predicted, key, f"{label}, RMSE {rmse:.3g} K", drive=drive, limit=limit)
 
 
 def _spread(count: int) -> Array:
@@ -253,6 +301,7 @@ def curves(
     names: tuple[str, str] = ("temperature, °C", ""),
     top: float | None = None,
     size: tuple[float, float] = (440, 250),
+    drive: RecordDrive | None = None,
 ) -> Graphic:
     """Return curves over time; a curve that leaves the top is marked with the value at which it ends.
 
@@ -265,15 +314,19 @@ def curves(
     below : sequence            Curves of a second, lower axis, such as differences.
     names : (upper, lower)      What the axes show.
     top : float                 Upper end of the axis, where not everything is to be seen.
-    size : (width, height)      [px]
+    size : (width, height)      Without the panel of the power. [px]
+    drive : RecordDrive               Ambient temperatures and power; none drawn without it.
     """
     length, unit = time_unit(max(float(c.x[-1]) for c in lines))
     areas = [replace(band, x=band.x / length)] if band is not None else []
-    panels = [_axes(names[0], lines, length, areas, top, 2.2)]
+    ambient, power = driven(drive, float(lines[0].x[0]), max(float(c.x[-1]) for c in lines))
+    panels = [_axes(names[0], (*lines, *ambient), length, areas, top, 2.2)]
     if below:
         panels.append(_axes(names[1], below, length))
-    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=size)
-    legend = {c.label: c for c in (*lines, *below)}
+    if power:
+        panels.append(replace(_axes("power, W", power, length, share=0.7), zero=True))
+    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], size[1] + (POWER_PANEL if power else 0.0)))
+    legend = {c.label: c for c in (*lines, *ambient, *below, *power)}
     entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in legend.items()]
     if band is not None:
         entries.append(LegendEntry(band.label, "--f-simulated", "band"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,8 +37,8 @@ from thermid.reporting.blocks.content import (
     number,
 )
 from thermid.reporting.blocks.extras import write_page
-from thermid.reporting.pages.study import tile
 from thermid.reporting.pages.tables import versions
+from thermid.reporting.pictures import correlation
 from thermid.reporting.pictures.chart import Area, Stroke
 from thermid.reporting.pictures.figures import compared, curve, curves
 from thermid.reporting.qualification import tables
@@ -127,17 +128,28 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         failed=verdicts.count(False),
         judged=len(verdicts),
         summary=said,
-        outcome=[],
+        outcome=_all_readings(c),
         sections=blocks,
     )
 
 
+def _all_readings(c: Correlation) -> list[PageBlock]:
+    """Return predicted against measured, and the residuals counted, of all overlays."""
+    if not c.overlays:
+        return []
+    shown = correlation.scatter([o.measured for o in c.overlays], [o.simulated for o in c.overlays])
+    residuals = [o.residuals for o in c.overlays]
+    against = Plot(shown, "Simulated against measured; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted).", "", "fig-scatter")
+    counted_ = Plot(correlation.histogram(residuals), f"Residuals: {correlation.spread_words(residuals)}.", "", "fig-histogram")
+    return [Figures((against, counted_))]
+
+
 def _write(
-    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[PageBlock], passed: bool | None, judged: int, **shown: object
+    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[PageBlock], passed: bool | None, judged: int, **shown: Any
 ) -> Path:
     """Write a page; without a failure, and with something undecided, its head names that in place of a count of what passed."""
-    head = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
-    return write_page("study.html.jinja", to, **head, watermark=watermark, tile=tile(watermark), outcome=outcome, **shown)
+    head: dict[str, Any] = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
+    return write_page("study.html.jinja", to, **head, watermark=watermark, outcome=outcome, **shown)
 
 
 def _what_is_open(q: Qualification) -> list[PageBlock]:

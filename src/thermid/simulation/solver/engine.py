@@ -17,6 +17,7 @@ from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, Sine, TableSignal
+from thermid.network.controls import PHASE, state_of
 from thermid.network.network import held_in, unreached
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import MEAN, STEADY
@@ -616,7 +617,13 @@ class _Balance:
         self.size = len(place)
         self.place = np.array([place[a.reduced.stored[n][0] if n in a.reduced.stored else n] for n in problem.nodes], dtype=np.intp)
         self.own = np.array([n not in a.reduced.stored for n in problem.nodes], dtype=bool)
-        self.held = [(k, a.reduced.stored[n][1]) for k, n in enumerate(problem.nodes) if n in a.reduced.stored]
+        liquid = {name for name, mode in zip(problem.control_names, on, strict=True) if mode == 1}
+        self.held = [
+            (k, store, state_of(node, PHASE) in liquid)
+            for k, n in enumerate(problem.nodes)
+            if n in a.reduced.stored
+            for node, store in [a.reduced.stored[n]]
+        ]
 
     def __call__(self, temperatures: Array, gradients: bool = False) -> tuple[Array, Array, Array | None]:
         """Return net heat (nodes,) [W], its Jacobian [W/K] and its derivatives (nodes, free) at temperatures (nodes,) [K]."""
@@ -628,22 +635,22 @@ class _Balance:
     def _sum(self, rows: Array) -> Array:
         """Return rows of all states summed over each node and what it holds."""
         out: Array = rows[self.own].copy()
-        for k, _ in self.held:
+        for k, _, _ in self.held:
             out[self.place[k]] += rows[k]
         return out
 
     def states(self, temperatures: Array) -> Array:
         """Return what the kernel solves for at rest, from temperatures (nodes,). [K]"""
         found = temperatures[self.place]
-        for k, store in self.held:
-            found[k] = float(store.level(found[k]))
+        for k, store, liquid in self.held:
+            found[k] = float(store.level(found[k], liquid))
         return found
 
     def moves(self, temperatures: Array, moves: Array) -> Array:
         """Return the derivatives of those (states, free) from the derivatives of the temperatures (nodes, free)."""
         found = moves[self.place]
-        for k, store in self.held:
-            found[k] *= float(store.share(temperatures[self.place[k]]))
+        for k, store, liquid in self.held:
+            found[k] *= float(store.share(temperatures[self.place[k]], liquid))
         return found
 
 

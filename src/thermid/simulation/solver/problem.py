@@ -15,7 +15,7 @@ from thermid import _kernel
 from thermid.dual import gradient_of, value_of
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
-from thermid.model.laws.curves import Curve, evaluate, value_and_slope
+from thermid.model.laws.curves import Curve, value_and_slope
 from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, TableSignal
 from thermid.model.parts.controls import named_control
 from thermid.network.controls import FREE, FactorForm, GuardForm
@@ -61,13 +61,26 @@ class Traces:
 
     def temperature(self, name: str) -> Array:
         """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
-        own = held_in(name)
-        if own in self.kept:
-            shape = self.assembled.reduced.stored[own][1].curve
-            return self.memo.made(name, lambda: evaluate(shape, self.stored[:, self.kept.index(own)]))
+        if held_in(name) in self.kept:
+            return self.memo.made(name, lambda: self._of_heat(name)[0])
         if name in self.kept:
             return self.stored[:, self.kept.index(name)]
         return self.memo.made(name, lambda: self._recovered(name))
+
+    def _of_heat(self, name: str) -> tuple[Array, Array]:
+        """Return the temperature (times,) that belongs to the heat of a node [K], and its slope over the level (times,) [-].
+
+        Of a melt that supercools, on the branch on which the node itself stands.
+        """
+        own = held_in(name)
+        store, level = self.assembled.reduced.stored[own][1], self.stored[:, self.kept.index(own)]
+        kelvin, slope = value_and_slope(store.curve, level)
+        if store.melt is None or name not in self.kept:
+            return kelvin, slope
+        melt, rise = value_and_slope(store.melt.curve, level)
+        seen = self.stored[:, self.kept.index(name)]
+        liquid = np.abs(melt - seen) < np.abs(kelvin - seen)
+        return np.where(liquid, melt, kelvin), np.where(liquid, rise, slope)
 
     def _recovered(self, name: str) -> Array:
         if name in self.wiring.network.boundaries:
@@ -78,10 +91,8 @@ class Traces:
     def slope(self, name: str) -> Array:
         """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
         size = self.slopes.shape[2]
-        own = held_in(name)
-        if own in self.kept:
-            k, shape = self.kept.index(own), self.assembled.reduced.stored[own][1].curve
-            return value_and_slope(shape, self.stored[:, k])[1][:, None] * self.slopes[:, k, :]
+        if (own := held_in(name)) in self.kept:
+            return self._of_heat(name)[1][:, None] * self.slopes[:, self.kept.index(own), :]
         if name in self.kept:
             return self.slopes[:, self.kept.index(name), :]
         if name in self.wiring.network.boundaries:
@@ -357,34 +368,38 @@ class KernelProblem:
 
     def _laid_out(self, refuse: bool) -> Any:
         """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
+        return _kernel.Problem(**self.arrays(refuse))
+
+    def arrays(self, refuse: bool = True) -> dict[str, Any]:
+        """Return what the kernel's problem is made of, by name: indices as arrays of int32, tables and inputs as lists."""
         s = self.wiring.structure
         tables: list[tuple[Array, Array, Array]] = []
         conductors = [row_form(p.row.kernel, p, tables, refuse) for p in s.conductors]
         loads = [row_form(LOADS[p.row.form], p, tables, refuse) for p in s.loads]
         follow = self._followed(tables) if s.factors else None
-        return _kernel.Problem(
-            capacity=ints(s.capacity),
-            coef_input=ints(s.coefficient_input),
-            boundary_gain=ints(s.gain),
-            boundary_offset=ints(s.offset),
-            conductor_kind=ints([r[0] for r in conductors]),
-            conductor_a=ints([p.a for p in s.conductors]),
-            conductor_b=ints([p.b for p in s.conductors]),
-            conductor_coef=ints([r[1] for r in conductors]).reshape(-1, 4),
-            conductor_table=ints([r[2] for r in conductors]),
-            load_kind=ints([r[0] for r in loads]),
-            load_node=ints([p.node for p in s.loads]),
-            load_coef=ints([r[1] for r in loads]).reshape(-1, 4),
-            load_sensor=ints([p.follows for p in s.loads]),
-            load_table=ints([r[2] for r in loads]),
-            load_control=ints([p.control for p in s.loads]),
-            control_kind=ints([CONTROLS[p.kind].kind for p in s.controls]),
-            control_sensor=ints([p.sensor for p in s.controls]),
-            control_coef=ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
-            tables=tables,
-            inputs=[kernel_input(given) for given in self.inputs],
-            follow=follow,
-        )
+        return {
+            "capacity": ints(s.capacity),
+            "coef_input": ints(s.coefficient_input),
+            "boundary_gain": ints(s.gain),
+            "boundary_offset": ints(s.offset),
+            "conductor_kind": ints([r[0] for r in conductors]),
+            "conductor_a": ints([p.a for p in s.conductors]),
+            "conductor_b": ints([p.b for p in s.conductors]),
+            "conductor_coef": ints([r[1] for r in conductors]).reshape(-1, 4),
+            "conductor_table": ints([r[2] for r in conductors]),
+            "load_kind": ints([r[0] for r in loads]),
+            "load_node": ints([p.node for p in s.loads]),
+            "load_coef": ints([r[1] for r in loads]).reshape(-1, 4),
+            "load_sensor": ints([p.follows for p in s.loads]),
+            "load_table": ints([r[2] for r in loads]),
+            "load_control": ints([p.control for p in s.loads]),
+            "control_kind": ints([CONTROLS[p.kind].kind for p in s.controls]),
+            "control_sensor": ints([p.sensor for p in s.controls]),
+            "control_coef": ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
+            "tables": tables,
+            "inputs": [kernel_input(given) for given in self.inputs],
+            "follow": follow,
+        }
 
     def _followed(self, tables: list[tuple[Array, Array, Array]]) -> dict[str, Any]:
         """Return what follows temperatures as the kernel takes it; tables of controls join those of rows."""

@@ -643,6 +643,10 @@ class Wiring:
         jacobian = _csr(coefficients, free) if free else None
         return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
 
+    def every(self, a: Assembled, given: Mapping[str, Number]) -> list[Number]:
+        """Return the coefficients of an assembly as they came out of `given`: formulas where those are formulas."""
+        return self._coefficients(a.numbers, a.reduced, a.offsets, given)
+
     def _offset(self, boundary: str, given: Mapping[str, Number]) -> Number:
         """Return the constant part of a boundary's temperature. [K]"""
         if boundary not in given:
@@ -927,9 +931,10 @@ def _level(store: HeatStore, kelvin: Number) -> Number:
     """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
     many = getattr(kelvin, "values", None)
     if many is not None:
-        return type(kelvin)(store.level(many))  # type: ignore[call-arg,arg-type]  # members of an ensemble
+        return type(kelvin)(store.begins(many)[0])  # type: ignore[call-arg,arg-type]  # members of an ensemble
     plain = value_of(kelvin)
-    return float(store.level(plain)) + (float(store.share(plain)) * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
+    level, share = map(float, store.begins(plain))
+    return level + (share * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
 
 
 def _csr(values: Sequence[Number], free: int) -> Csr:

@@ -1,0 +1,632 @@
+"""Models as one C99 header: parameters and inputs as structs, coefficients as formulas, rows as tables, steps of fixed length.
+
+The steps themselves are `fixed_step.h`; here they stand beside a run that holds a tight tolerance, so that the header can state its error.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from thermid.arguments import takes_objects
+from thermid.errors import DeckError, SolverError
+from thermid.files import EXPORT, write_text
+from thermid.interop.wired import Text, Wired, Writer, identifiers, one_line, wired
+from thermid.linear_algebra import Array
+from thermid.model.laws.curves import Curve
+from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
+from thermid.model.tree.model import Model
+from thermid.network.rows import curve_arrays, tables_behind
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.engine import Engine
+from thermid.simulation.solver.problem import Options
+from thermid.simulation.solver.wiring import Wiring
+
+C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
+MOST_NODES = 200
+"""The matrix of a step is dense and part of the caller's memory."""
+TOLERANCE = 1e-3
+KEYWORDS = frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return "
+    "short signed sizeof static struct switch typedef union unsigned void volatile while main time exp log sqrt pow fmin fmax fabs".split()
+)
+LAWS = {
+    "linear": "LINEAR",
+    "flow": "STREAM",
+    "power": "POWER",
+    "radiation": "RADIATION",
+    "potential": "POTENTIAL",
+    "gas": "GAS",
+    "natural": "NATURAL",
+    "hinge": "HINGE_OF_MEAN",
+    "hinge of difference": "HINGE_OF_DIFFERENCE",
+}
+OF_LOADS = {"signal": "SIGNAL", "polynomial": "POLYNOMIAL", "exponential": "EXPONENTIAL", "table": "TABLE_OF_TEMPERATURE"}
+OF_CONTROLS = {"": "ALWAYS", "thermostat": "THERMOSTAT", "proportional": "PROPORTIONAL"}
+CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CHATTER")
+_WIDE = 6
+FEWEST, MOST = 50, 20_000
+"""Steps of a run between which a length is looked for."""
+TIGHT = 1e-9
+STATED = 2.0
+"""What is stated is the measured error times this: other readings fall between the measured ones."""
+MOMENT = 1e-3
+MOST_CUTS = 16
+NEAR = 1e-9
+"""Switching temperatures are met to this. [K]"""
+STAGES = (
+    (),
+    (1.544,),
+    (0.9466785280815826, 0.2557011698983284),
+    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
+    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
+    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0),
+)
+COUPLED = (
+    (),
+    (-5.6688,),
+    (-2.430093356833875, -0.2063599157091915),
+    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
+    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+    (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
+)
+TIMES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
+DRIFT = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
+GAMMA = 0.25
+"""RODAS: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd edition, section IV.7; order 4, stiffly accurate."""
+
+
+@takes_objects
+def to_c(
+    model: Model,
+    scenario: Scenario,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    name: str = "",
+    step: float | None = None,
+    tolerance: float = TOLERANCE,
+) -> str:
+    """Return a model in a scenario as the text of one C99 header.
+
+    No allocation, no iteration but where a thermostat switches or a node has no mass, steps of fixed length by RODAS (E. Hairer, G. Wanner,
+    Solving Ordinary Differential Equations II, section IV.7). Parameters and inputs are structs; what follows from parameters is a formula.
+    The header states the error of its step, measured over the scenario against a run at a tolerance of 1e-9, times two.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`.
+    path : path         Where to write it too; the names in it then begin with the file's.
+    name : str          What its names begin with; by default the file's name, or the model's title.
+    step : float        Length of a step; by default the longest of 1, 2 or 5 times a power of ten within the tolerance. [s]
+    tolerance : float   Error that a step which is looked for may have. [K]
+
+    Raises
+    ------
+    DeckError       When a law cannot be written, there are more than 200 nodes, or the name is none for C.
+    ScenarioError   When the scenario does not fit the model.
+    """
+    target = Path(path) if path is not None else None
+    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", called) or called in KEYWORDS:
+        raise DeckError(
+            f"'{called}' cannot begin the names of a C header: letters, digits and _, beginning with a letter, at most 41. "
+            "Give another file name.",
+            model.title,
+        )
+    if step is not None and not (0.0 < step < math.inf):
+        raise DeckError("a step has a length above zero.", model.title)
+    w = wired(model, scenario, C)
+    if len(w.network.nodes) > MOST_NODES:
+        raise DeckError(
+            f"a C header holds {MOST_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).", model.title
+        )
+    length, error = (step, stated_error(w, step)) if step is not None else chosen_step(w, tolerance)
+    text = _Header(w, called, length, error).text()
+    if target is not None:
+        write_text(target, text, EXPORT, "//")
+    return text
+
+
+@dataclass(frozen=True)
+class _Field:
+    """A member of the struct of inputs: its name, course, unit and meaning."""
+
+    name: str
+    signal: Drawn
+    unit: str
+    what: str
+
+
+class _Header:
+    """Writes one header; ``@`` stands for its name in what it collects."""
+
+    def __init__(self, w: Wired, called: str, step: float, error: float) -> None:
+        self.w, self.called, self.step, self.error = w, called, step, error
+        self.order = (*w.massive, *w.massless)
+        self.places = {n: k for k, n in enumerate((*self.order, *w.network.boundaries))}
+        self.inputs = list(self._inputs())
+        fields = identifiers([each.path for each in w.parameters])
+        self.fields = {path: f"{word}_" if word in KEYWORDS else word for path, word in fields.items()}
+        self.derived = {each.path for each in w.parameters if each.formula is not None}
+        self.courses = dict(zip(w.courses, (f.name for f in self.inputs[-len(w.courses) :] if w.courses), strict=True))
+        self.formulas = Text(self._name, power="pow", number=_number, functions={"min": "fmin", "max": "fmax"})
+        self.curves: dict[tuple[Curve, ...], int] = {}
+        self.tables: list[Curve] = []
+        self.coefficients: list[tuple[str, str]] = []
+
+    def _name(self, path: str) -> str:
+        if path in self.courses:
+            return f"u->{self.courses[path]}"
+        return f"v_{self.fields[path]}" if path in self.derived else f"p->{self.fields[path]}"
+
+    def _inputs(self) -> Iterator[_Field]:
+        """Yield the inputs: boundaries, loads, gases, scheduled parameters."""
+        w, words = self.w, [*(f"T_{b}" for b in self.w.network.boundaries)]
+        loads, seen = [], {}  # type: list[str], dict[str, int]
+        for source in w.sources:
+            seen[source.load] = seen.get(source.load, 0) + 1
+            again = f"_{seen[source.load]}" if seen[source.load] > 1 else ""
+            loads.append(f"{'Q' if source.power == 1.0 else 'command'}_{source.load}{again}")
+        gases = list(dict.fromkeys(row.signal for _, row in w.conductors if row.signal))
+        words += [*loads, *(f"gas_{g.replace('*', 'any')}" for g in gases), *(f"at_{path}" for path in w.courses)]
+        names = list(identifiers(dict.fromkeys(words)).values())
+        self.of_boundary = names[: len(w.network.boundaries)]
+        rest = names[len(w.network.boundaries) :]
+        self.of_source, rest = rest[: len(loads)], rest[len(loads) :]
+        self.of_gas = dict(zip(gases, rest, strict=False))
+        for name, (boundary, signal) in zip(self.of_boundary, w.boundaries.items(), strict=True):
+            yield _Field(name, signal, "K", f"temperature of {boundary}")
+        for name, source in zip(self.of_source, w.sources, strict=True):
+            watts = source.power == 1.0
+            yield _Field(name, source.signal, "W" if watts else "-", f"{'power' if watts else 'command'} of the load {source.load}")
+        for gas, name in self.of_gas.items():
+            yield _Field(name, w.gas[gas], "-", f"course of {gas}")
+        for name, (path, signal) in zip(rest[len(gases) :], w.courses.items(), strict=True):
+            yield _Field(name, signal, "SI", f"{path}, which follows a schedule")
+
+    # ---- what stands in the file
+
+    def text(self) -> str:
+        """Return the header."""
+        body = [*self._rows(), *self._boundaries_and_between()]
+        coefficients = list(self._coefficient_function())
+        library = (Path(__file__).parent / "fixed_step.h").read_text(encoding="ascii")
+        plain, _, run = library.partition("#ifndef @_WITHOUT_SCENARIO\n")
+        lines = [*self._head(), *self._structs(), *self._sizes(), *body, *coefficients]
+        text = "\n".join([*lines, plain.rstrip(), "", "#ifndef @_WITHOUT_SCENARIO", *self._scenario(), run.rstrip(), "#endif"])
+        return re.sub(r"@(?=_)", self.called, text) + "\n"
+
+    def _head(self) -> Iterator[str]:
+        w, called = self.w, self.called
+        guard = f"THERMID_{called.upper()}_H"
+        title, scenario = _comment(w.network.title), _comment(w.scenario.title)
+        yield f"/* {called}.h: temperatures of the thermal model '{title}' in the scenario '{scenario}'. C99, no allocation."
+        yield ""
+        yield "   #include it in one place and link with -lm. Temperatures in K, heat in W, time in s, parameters in SI."
+        yield f"       {called}_model m; {called}_parameters p; {called}_inputs u;"
+        yield f"       {called}_defaults(&p); {called}_scenario(0.0, 0, &u); {called}_start(&m, &p, &u);"
+        yield f"       {called}_step(&m, &p, &u, &u, {called}_STEP);    one step; inputs run straight from the first to the second"
+        yield f"       {called}_run(&m, &p, 3600.0);                    or the scenario of the export, up to a time"
+        yield f"       m.T[{called}_NODE_...]                           what follows from it"
+        yield f"   Each returns 0, or one of {called}_SINGULAR ... {called}_CHATTER. -D {called}_WITHOUT_SCENARIO leaves the scenario out."
+        yield ""
+        yield f"   Step {self.step:g} s. Error of nodes with mass at most {self.error:g} K: twice the largest difference to a run at a"
+        yield "   tolerance of 1e-9 over this scenario at these values, measured at export. With other values or inputs it may differ;"
+        yield "   m.error is the sum of what each step estimates of its own error."
+        yield f"   Where a thermostat switches a step is cut, at most {MOST_CUTS} times, each cut found within 40 trial steps."
+        if w.massless:
+            yield f"   Without mass, solved in each step: {_comment(', '.join(w.massless))}."
+        yield f"   Written by thermid {version('thermid')}. */"
+        yield from (f"#ifndef {guard}", f"#define {guard}", "#include <math.h>", "")
+
+    def _structs(self) -> Iterator[str]:
+        w, name = self.w, self.called
+        yield "/* Values that may be changed. What follows from them is computed in every step. */"
+        yield "typedef struct {"
+        free = [each for each in w.parameters if each.formula is None]
+        for each in free:
+            yield f"    double {self.fields[each.path]}; /* [{each.unit}] {_comment(f'{each.path} {each.note}')} */"
+        if not free:
+            yield "    char none;"
+        yield f"}} {name}_parameters;"
+        yield from ("", "typedef struct {")
+        for given in self.inputs:
+            yield f"    double {given.name}; /* [{given.unit}] {_comment(given.what)} */"
+        yield f"}} {name}_inputs;"
+        yield from ("", f"static inline void {name}_defaults({name}_parameters *p) {{")
+        for each in free:
+            yield f"    p->{self.fields[each.path]} = {_number(each.value)};"
+        if not free:
+            yield "    p->none = 0;"
+        yield "}"
+
+    def _sizes(self) -> Iterator[str]:
+        w, switches = self.w, self._switches()
+        yield from ("", "/* Nodes, as they stand in m.T. */")
+        for k, (node, word) in enumerate(identifiers(self.order).items()):
+            yield f"#define @_NODE_{word} {k} /* {_comment(node)} */"
+        yield "enum {"
+        yield f"    @_NODES = {len(self.order)}, @_MASSLESS = {len(w.massless)}, @_BOUNDARIES = {len(w.network.boundaries)},"
+        yield f"    @_CONDUCTORS = {len(w.conductors)}, @_LOADS = {len(w.sources)}, @_SWITCHES = {len(switches)},"
+        yield f"    @_MOST_ITERATIONS = 40, @_MOST_CUTS = {MOST_CUTS}"
+        yield "};"
+        every = [*LAWS.values(), "TABLE_OF_MEAN", "TABLE_OF_DIFFERENCE"]
+        for words in (every, OF_LOADS.values(), OF_CONTROLS.values(), CODES):
+            yield f"enum {{ {', '.join(f'@_{word}' for word in words)} }};"
+        yield f"#define @_STEP {_number(self.step)} /* [s] */"
+        yield f"#define @_ERROR {_number(self.error)} /* [K] */"
+        yield "typedef struct { int law, a, b, first, table; } @_conductor;"
+        yield "typedef struct { int law, node, follows, first, table, control, settings, watches, state; } @_load;"
+        yield "typedef struct { int watches, settings, state; } @_switch;"
+
+    def _rows(self) -> Iterator[str]:
+        """Yield capacities, rows of conductors and loads, and what they look up; their coefficients are collected."""
+        w = self.w
+        capacity = [self._add(w.capacitances[n], f"C of {n}") if w.capacitances[n] is not None else -1 for n in self.order]
+        conductors = []
+        for label, row in w.conductors:
+            by = f"u->{self.of_gas[row.signal]}" if row.signal else ""
+            first = self._add_all([(c, by if k == 0 else "") for k, c in enumerate(row.coefficients)], label)
+            law = LAWS.get(row.form, "")
+            if row.form == "table":
+                law = "TABLE_OF_DIFFERENCE" if row.curve is not None and row.curve.over == "difference" else "TABLE_OF_MEAN"
+            if not law:
+                raise DeckError(f"'{label}' is of a form that is not written to C: {row.form}.", w.network.title)
+            a, b = (self.places[end] for end in row.ends)
+            conductors.append(f"{{@_{law}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
+        states = self._switches()
+        loads, switches = [], {}  # type: list[str], dict[int, str]
+        for name, source in zip(self.of_source, w.sources, strict=True):
+            first = self._add_all([(source.power, f"u->{name}"), *((c, "") for c in source.rest)], source.load)
+            settings = self._add_all([(c, "") for c in source.settings], f"control of {source.load}")
+            if source.control == "proportional" and len(source.settings) == 2:
+                self._add_all([(source.power, f"u->{name}")], f"full power of {source.load}")
+            node, follows = self.places[source.node], self.places[source.sensor or source.node]
+            watches = self.places[source.watched] if source.control else 0
+            state = states.index(source.load) if source.control == "thermostat" else 0
+            table = self._table(source.form, source.curve)
+            law, control = OF_LOADS[source.form], OF_CONTROLS[source.control]
+            numbers = f"{node}, {follows}, {first}, {table}, @_{control}, {settings}, {watches}, {state}"
+            loads.append(f"{{@_{law}, {numbers}}} /* {_comment(source.load)} */")
+            if source.control == "thermostat":
+                switches.setdefault(state, f"{{{watches}, {settings}, {state}}}")
+        yield ""
+        yield "/* Places of capacitances among the coefficients, -1 of a node without mass; temperatures at the start. */"
+        yield from _array("static const int @_capacity[]", [str(c) for c in capacity])
+        start = {**w.initial, **dict.fromkeys(w.massless, sum(w.initial.values()) / max(len(w.initial), 1) or 293.15)}
+        yield from _array("static const double @_begin[]", [_number(start[n]) for n in self.order])
+        yield from _array("static const @_conductor @_conductor_rows[]", conductors or ["{0, 0, 0, 0, 0}"], 1)
+        yield from _array("static const @_load @_load_rows[]", loads or ["{0, 0, 0, 0, 0, 0, 0, 0, 0}"], 1)
+        yield from _array("static const @_switch @_switch_rows[]", [switches[k] for k in sorted(switches)] or ["{0, 0, 0}"], 1)
+        yield from self._table_arrays()
+        yield from ("", "/* State and working memory of a run. */", "typedef struct {")
+        yield "    double T[@_NODES], time, error;"
+        yield "    unsigned char on[@_SWITCHES + 1];"
+        yield f"    double all[@_NODES + @_BOUNDARIES], coefficient[{len(self.coefficients)}], begin[@_NODES];"
+        yield "    double matrix[@_NODES * @_NODES], stage[6][@_NODES], drift[@_NODES], work[@_NODES], mass[@_NODES];"
+        yield "    int pivot[@_NODES];"
+        yield "} @_model;"
+
+    def _switches(self) -> list[str]:
+        return list(dict.fromkeys(s.load for s in self.w.sources if s.control == "thermostat"))
+
+    def _add(self, formula: object, what: str, by: str = "") -> int:
+        text = self.formulas.of(formula, 2) if by else self.formulas.of(formula)  # type: ignore[arg-type]
+        self.coefficients.append((f"{text}*{by}" if by and text != "1.0" else by or text, what))
+        return len(self.coefficients) - 1
+
+    def _add_all(self, several: Sequence[tuple[object, str]], what: str) -> int:
+        first = len(self.coefficients)
+        for formula, by in several:
+            self._add(formula, what, by)
+        return first
+
+    def _table(self, form: str, curve: Curve | None) -> int:
+        """Return the first table of a law, kept for the file."""
+        if curve is None:
+            return 0
+        behind = tables_behind(form, curve)
+        if behind not in self.curves:
+            self.curves[behind] = len(self.tables)
+            self.tables += behind
+        return self.curves[behind]
+
+    def _table_arrays(self) -> Iterator[str]:
+        x, y, d, begin, smooth, low, high = [], [], [], [0], [], [], []  # type: ignore[var-annotated]
+        for curve in self.tables:
+            knots, values, slopes = curve_arrays(curve)
+            x += knots.tolist()
+            y += values.tolist()
+            d += slopes.tolist() or [0.0] * knots.size
+            begin.append(len(x))
+            smooth.append(str(int(slopes.size > 0)))
+            limits = curve.limits or (-math.inf, math.inf)
+            low.append(_number(max(limits[0], -1e30)))
+            high.append(_number(min(limits[1], 1e30)))
+        yield from ("", "/* Tables, one behind the other. */")
+        yield from _array("static const int @_table_begin[]", [str(k) for k in begin] + (["0"] if not self.tables else []))
+        yield from _array("static const int @_table_smooth[]", smooth or ["0"])
+        for word, numbers in (("x", x), ("y", y), ("d", d)):
+            yield from _array(f"static const double @_table_{word}[]", [_number(n) for n in numbers] or ["0.0"])
+        for word, texts in (("low", low), ("high", high)):
+            yield from _array(f"static const double @_table_{word}[]", texts or ["0.0"])
+
+    def _coefficient_function(self) -> Iterator[str]:
+        yield from ("", "/* All coefficients, from parameters and inputs. [SI] */")
+        yield "static inline void @_coefficients(const @_parameters *p, const @_inputs *u, double *c) {"
+        for each in self.w.parameters:
+            if each.formula is not None:
+                yield f"    const double v_{self.fields[each.path]} = {self.formulas.of(each.formula)}; /* [{each.unit}] */"
+        for k, (text, what) in enumerate(self.coefficients):
+            yield f"    c[{k}] = {text}; /* {_comment(what)} */"
+        yield from ("    (void)p; (void)u; (void)c;", "}", "")
+
+    def _boundaries_and_between(self) -> Iterator[str]:
+        yield from ("", "static inline void @_boundaries(const @_inputs *u, double *T) {")
+        yield from (f"    T[{k}] = u->{name};" for k, name in enumerate(self.of_boundary))
+        yield from ("    (void)u; (void)T;", "}")
+        yield from ("", "/* Inputs at a share of a step. */")
+        yield "static inline void @_between(const @_inputs *u0, const @_inputs *u1, double share, @_inputs *u) {"
+        yield from (f"    u->{each.name} = u0->{each.name} + share * (u1->{each.name} - u0->{each.name});" for each in self.inputs)
+        yield "}"
+
+    def _scenario(self) -> Iterator[str]:
+        """Yield the inputs of the scenario as functions of time."""
+        breaks = [t for t in self.w.breaks() if t < self.w.scenario.seconds]
+        yield f"enum {{ @_BREAKS = {len(breaks)} }};"
+        yield from _array("static const double @_break[]", [_number(t) for t in breaks] or ["0.0"])
+        moment = _number(1e-9 * self.step)
+        yield "/* Value of a table in time; of held values the one before a jump, or the one after. */"
+        yield "static inline double @_course(const double *x, const double *y, int size, int hold, double t, int before) {"
+        yield f"    const double at = before ? t - {moment} : t + {moment};"
+        yield "    int low = 0, high = size - 1;"
+        yield "    if (at <= x[0]) return y[0];"
+        yield "    if (at >= x[size - 1]) return y[size - 1];"
+        yield "    while (high - low > 1) {"
+        yield "        const int middle = (low + high) / 2;"
+        yield "        if (x[middle] <= at) low = middle; else high = middle;"
+        yield "    }"
+        yield "    return hold ? y[low] : y[low] + (t - x[low]) / (x[high] - x[low]) * (y[high] - y[low]);"
+        yield "}"
+        yield from ("", "/* Inputs of the scenario of the export at a time, before a jump there or after it. */")
+        yield "static inline void @_scenario(double t, int before, @_inputs *u) {"
+        for each in self.inputs:
+            yield from (f"    {line}" for line in _signal(each))
+        yield from ("    (void)t; (void)before;", "}", "")
+
+
+def _signal(each: _Field) -> Iterator[str]:
+    """Yield the statements that set one input."""
+    given = each.signal
+    if isinstance(given, Sine):
+        angle = f"{_number(2.0 * math.pi / given.period)} * t + {_number(given.phase)}"
+        yield f"u->{each.name} = {_number(given.mean)} + {_number(given.amplitude)} * sin({angle});"
+    elif isinstance(given, TableSignal) and given.times.size > 1:
+        yield "{"
+        yield from (f"    {line}" for line in _array("static const double x[]", [_number(t) for t in given.times.tolist()]))
+        yield from (f"    {line}" for line in _array("static const double y[]", [_number(v) for v in given.values.tolist()]))
+        yield f"    u->{each.name} = @_course(x, y, {given.times.size}, {int(given.hold)}, t, before);"
+        yield "}"
+    else:
+        value = given.value if isinstance(given, Constant) else float(given.values[0])
+        yield f"u->{each.name} = {_number(value)};"
+
+
+def _array(head: str, items: Iterable[str], wide: int = _WIDE) -> Iterator[str]:
+    """Yield an array over as many lines as it needs."""
+    words = list(items)
+    if len(words) <= wide:
+        yield f"{head} = {{{', '.join(words)}}};"
+        return
+    yield f"{head} = {{"
+    for k in range(0, len(words), wide):
+        row = words[k : k + wide]
+        if wide == 1:  # the comma stands before a comment
+            yield "    " + re.sub(r"( /\*|$)", r",\1", row[0], count=1)
+        else:
+            yield "    " + ", ".join(row) + ","
+    yield "};"
+
+
+def _number(value: float) -> str:
+    """Return a number as a constant of type double."""
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def _comment(text: str) -> str:
+    """Return an author's words so that they stay in their comment."""
+    return one_line(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").strip()
+
+
+def step_grid(breaks: list[float], end: float, step: float) -> Array:
+    """Return the times (steps + 1,) at which fixed steps end, cut where an input jumps or bends. [s]"""
+    times = [0.0]
+    for until in (*breaks, end):
+        while times[-1] < until - 1e-9 * step:
+            left = until - times[-1]
+            times.append(times[-1] + step if left > step * (1.0 + 1e-6) else until)
+    return np.array(times)
+
+
+def nice_steps(end: float) -> Iterator[float]:
+    """Yield lengths of steps of 1, 2 and 5 times a power of ten, falling, each at most a fiftieth of the run. [s]"""
+    power = math.floor(math.log10(end / FEWEST)) + 1
+    while True:
+        for digit in (5, 2, 1):
+            step = float(f"{digit}e{power}")
+            if step <= end / FEWEST:
+                if end / step > MOST:
+                    return
+                yield step
+        power -= 1
+
+
+def chosen_step(w: Wired, tolerance: float) -> tuple[float, float]:
+    """Return the longest step whose error is within a tolerance, and that error; the shortest tried where none is. [s], [K]"""
+    step = error = math.nan
+    for step in nice_steps(w.scenario.seconds):
+        error = stated_error(w, step)
+        if error <= tolerance:
+            break
+    return step, error
+
+
+def stated_error(w: Wired, step: float) -> float:
+    """Return the stated error of fixed steps: twice the largest difference of all states with mass to a run at 1e-9, in two digits. [K]
+
+    Raises
+    ------
+    SolverError   When a step has no answer.
+    """
+    grid = step_grid(w.breaks(), w.scenario.seconds, step)
+    with np.errstate(all="ignore"):
+        found = _Stepper(w, grid).temperatures()
+    error = STATED * float(np.abs(found - _reference(w, grid)).max())
+    if not np.isfinite(error):
+        raise SolverError(f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title)
+    return _rounded_up(max(error, 1e-6))
+
+
+def _rounded_up(x: float) -> float:
+    """Return a number rounded up to two digits."""
+    unit = 10.0 ** (math.floor(math.log10(x)) - 1)
+    return float(f"{math.ceil(x / unit - 1e-9) * unit:.6g}")
+
+
+def _reference(w: Wired, grid: Array) -> Array:
+    """Return temperatures (times, nodes with mass) of a run at a tight tolerance. [K]"""
+    engine = Engine(Wiring(w.network, w.scenario))
+    a = engine.started(engine.wiring.assemble(gradients=False))
+    options = Options(tolerance=TIGHT, relative=TIGHT, input_tolerance=1e-7)
+    return engine.integrate(a, grid, w.massive, float(grid[-1]), options).temperatures
+
+
+class _Stepper:
+    """Fixed steps over the kernel's heat and Jacobian."""
+
+    def __init__(self, w: Wired, grid: Array) -> None:
+        wiring = Wiring(w.network, w.scenario)
+        for name, given in wiring.signals.items():
+            if isinstance(given, Sine):  # a step joins its inputs by a straight line
+                wiring.signals[name] = TableSignal(grid, given.at(grid), after="hold")
+        self.engine, self.grid = Engine(wiring), grid
+        self.a = self.engine.started(wiring.assemble(gradients=False))
+        self.massive = [self.engine.nodes.index(n) for n in w.massive]
+        layout = wiring.structure
+        capacities = [0.0 if place < 0 else float(self.a.coefficients[place]) for place in layout.capacity]
+        self.mass = np.array(capacities)
+        self.massless = self.mass == 0.0
+        self.controls = [p for p in layout.controls if p.kind == "thermostat"]
+        self.places = [k for k, p in enumerate(layout.controls) if p.kind == "thermostat"]
+        self.on = np.full(len(layout.controls), 0, dtype=np.int32)
+        self.boundaries = {len(self.engine.nodes) + k: b for k, b in enumerate(w.network.boundaries)}
+
+    def temperatures(self) -> Array:
+        """Return temperatures (times, nodes with mass). [K]"""
+        state = self.a.initial.copy()
+        for k, control in zip(self.places, self.controls, strict=True):
+            self.on[k] = self._sensor(control, state, 0.0) <= self.a.coefficients[control.places[0]]
+        out = [state[self.massive]]
+        for begin, end in zip(self.grid[:-1], self.grid[1:], strict=True):
+            state = self._advance(state, float(begin), float(end))
+            out.append(state[self.massive])
+        return np.array(out)
+
+    def _balance(self, state: Array, time: float) -> tuple[Array, Array]:
+        heat, jacobian, _ = self.engine.rhs(self.a, state, time, False, self.on)
+        return heat, jacobian
+
+    def _settled(self, state: Array, time: float) -> Array:
+        """Return temperatures with nodes without mass in balance."""
+        if not self.massless.any():
+            return state
+        for _ in range(40):
+            heat, jacobian = self._balance(state, time)
+            moved = np.linalg.solve(jacobian[np.ix_(self.massless, self.massless)], heat[self.massless])
+            state = state.copy()
+            state[self.massless] -= moved
+            if np.abs(moved).max() < 1e-10:
+                break
+        return state
+
+    def _advance(self, state: Array, begin: float, end: float) -> Array:
+        inner = 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
+        last = end - inner
+        state = self._switched(state, begin, 0.0)
+        for _ in range(MOST_CUTS + 1):
+            after = self._step(state, begin, end, last)
+            if not self.controls or self._due(after, last) < 0.0:
+                return after
+            low, high, at_low, at_high, side = 0.0, 1.0, self._due(state, begin), self._due(after, last), 0
+            for _ in range(40):
+                if abs(at_high) <= 1e-10 or at_low >= 0.0:
+                    break
+                middle = high - at_high * (high - low) / (at_high - at_low)
+                middle = middle if low < middle < high else 0.5 * (low + high)
+                there = begin + middle * (end - begin)
+                gap = self._due(self._step(state, begin, there, min(there, last)), there)
+                if gap >= 0.0:
+                    high, at_high, at_low, side = middle, gap, at_low * (0.5 if side == 1 else 1.0), 1
+                else:
+                    low, at_low, at_high, side = middle, gap, at_high * (0.5 if side == -1 else 1.0), -1
+            there = begin + high * (end - begin)
+            state = self._switched(self._step(state, begin, there, min(there, last)), min(there, last), NEAR)
+            begin = there
+            if end - begin < 1e-12 * self.grid[-1]:
+                break
+        return state
+
+    def _step(self, state: Array, begin: float, end: float, last: float) -> Array:
+        """Return temperatures after one step."""
+        h = end - begin
+        state = self._settled(state, begin)
+        early, late = (self._balance(state, begin + s * h)[0] for s in (0.0, MOMENT))
+        drift = (late - early) / (MOMENT * h)
+        heat, jacobian = self._balance(state, begin)
+        matrix = np.diag(self.mass / (GAMMA * h)) - jacobian
+        k: list[Array] = []
+        at = state
+        for s in range(6):
+            if s:
+                at = state + sum(a * x for a, x in zip(STAGES[s], k, strict=True))
+                heat = self._balance(at, min(begin + TIMES[s] * h, last))[0]
+            coupled = sum((c * x for c, x in zip(COUPLED[s], k, strict=True)), np.zeros(state.size))
+            k.append(np.asarray(np.linalg.solve(matrix, heat + self.mass * coupled / h + DRIFT[s] * h * drift), dtype=float))
+        return np.asarray(at + k[5])
+
+    def _sensor(self, control: object, state: Array, time: float) -> float:
+        place = control.sensor  # type: ignore[attr-defined]
+        if place < state.size:
+            return float(state[place])
+        return float(self.engine.wiring.boundary(self.boundaries[place], np.array([time]), self.a.offsets)[0])
+
+    def _gaps(self, state: Array, time: float) -> list[float]:
+        out = []
+        for k, control in zip(self.places, self.controls, strict=True):
+            seen = self._sensor(control, state, time)
+            low, high = (float(self.a.coefficients[p]) for p in control.places[:2])
+            out.append(seen - high if self.on[k] else low - seen)
+        return out
+
+    def _due(self, state: Array, time: float) -> float:
+        return max(self._gaps(state, time), default=-1e9)
+
+    def _switched(self, state: Array, time: float, near: float) -> Array:
+        """Return temperatures with what is due switched."""
+        for _ in range(2 * len(self.controls) + 3):
+            state = self._settled(state, time)
+            due = next((k for k, gap in zip(self.places, self._gaps(state, time), strict=True) if gap >= -near), None)
+            if due is None:
+                break
+            self.on[due] = 1 - self.on[due]
+            near = 0.0
+        return state

@@ -1,0 +1,70 @@
+"""What drove the readings of a record, and what the whole model did beside them: temperatures, heat flows and powers over time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from thermid.errors import ThermidError
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import attached, corrected
+from thermid.linear_algebra import Array
+from thermid.model.tree.flat import flatten
+from thermid.model.tree.model import Model
+from thermid.reporting.pictures.figures import RecordDrive
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solution import Solution
+from thermid.simulation.transient import simulate
+
+SAMPLES = 400
+"""Times of a run."""
+
+
+def run_of(c: Calibration, record: str) -> tuple[Model, Scenario] | None:
+    """Return the model and the scenario of one record with the starts, boundaries and meter factors that the fit found.
+
+    None where the fit does not keep its logs, as one that was read from a file.
+    """
+    place = next((k for k, e in enumerate(c.experiments) if e.record.name == record), None)
+    if place is None or c.problem is None or any(u.name not in c.fitted for u in c.problem.unknowns):
+        return None
+    fitted = np.array([c.fitted[u.name] for u in c.problem.unknowns])
+    bench = c.problem.bench(place, fitted)
+    inputs = dict(zip(c.problem.benches()[place].free, c.problem.inputs(place, fitted)[0].tolist(), strict=True))
+    experiment = bench.experiment
+    scenario = corrected(experiment.scenario, inputs)
+    driven = [b for b in experiment.network.boundaries if b not in experiment.network.flat.names.boundaries]
+    if driven:
+        kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
+        scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
+    lags = {o.lag: f"{inputs[o.lag]!r} [s]" for o in experiment.observations if o.lag in inputs}
+    return attached(c.fitted_model, experiment.record)[0].with_values(lags, "found by the fit"), scenario
+
+
+def course_of(c: Calibration, record: str, times: Array | None = None) -> Solution | None:
+    """Return the run of the whole model under the inputs of a record; None where it cannot be made again.
+
+    Parameters
+    ----------
+    times : array (times,)      Where it is wanted; `SAMPLES` times over the record by default. [s]
+    """
+    try:
+        made = run_of(c, record)
+        if made is None:
+            return None
+        model, scenario = made
+        return simulate(model, scenario, times=np.linspace(0.0, scenario.seconds, SAMPLES) if times is None else times)
+    except ThermidError:
+        return None
+
+
+def drives(c: Calibration, record: str) -> RecordDrive | None:
+    """Return ambient temperatures and the sum of all powers over a record."""
+    run = course_of(c, record)
+    if run is None:
+        return None
+    ambient = {b: run[b].kelvin for b in flatten(c.model).names.boundaries if b in run.nodes}
+    powers = list(run.load_powers.values())
+    total = np.sum([np.broadcast_to(p, run.times.shape) for p in powers], axis=0) if powers else None
+    return RecordDrive(run.times, ambient, total)

@@ -1,0 +1,331 @@
+"""FMUs of thermid in other people's hosts: FMPy with CVode and a host in C, beside `simulate`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import OutputError
+from thermid.interop.fmu import to_fmu
+from unit.interop.hosts import unpacked
+from unit.interop.networks import SIGNALS, TIGHT, hot_box
+
+CLOSE = 1e-5
+EXACT = td.Options(tolerance=1e-11, relative=1e-11)
+
+
+def deck(**more: Any) -> td.Model:
+    """Two nodes in a row to the air; `more` replaces whole groups."""
+    return td.model_from_dict(
+        {
+            "title": "two",
+            "needs": ["air"],
+            "parameters": {
+                "g": {"value": "0.8 [W/K]", "min": 0.1, "max": 5},
+                "c": "50 [J/K]",
+                "power": "5 [W]",
+                "paint": "0.8",
+                "area": "0.02 [m^2]",
+            },
+            "nodes": {"a": {"capacitance": "c"}, "b": {"capacitance": "2*c"}},
+            "conductors": {
+                "ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "g"},
+                "out": {"kind": "conduction", "between": ["b", "air"], "resistance": "1/g"},
+            },
+            "loads": {"heat": {"into": "a", "power": "power"}},
+            **more,
+        }
+    )
+
+
+GLOW = {"kind": "radiation", "between": ["a", "air"], "emissivity": "paint", "area": "area"}
+CONDUCTORS = {
+    "ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "g"},
+    "out": {"kind": "conduction", "between": ["b", "air"], "conductance": "g"},
+}
+THERMOSTAT = {"heat": {"into": "a", "power": "6*power", "thermostat": {"sensor": "b", "on_below": "28 [degC]", "off_above": "31 [degC]"}}}
+QUIET = td.Scenario("quiet", boundaries={"air": "12 [degC]"}, start="20 [degC]", duration="1200 [s]")
+STEPS = QUIET.with_(
+    commands={"heat": {"times": ["0 [s]", "130 [s]", "700 [s]"], "values": ["1", "0.25", "1.5"], "hold": True, "after": "hold"}},
+    boundaries={"air": {"times": ["0 [s]", "300 [s]", "1200 [s]"], "values": ["12 [degC]", "25 [degC]", "5 [degC]"]}},
+)
+MODELS: dict[str, tuple[td.Model, td.Scenario, tuple[str, ...]]] = {
+    "linear": (deck(), QUIET, ("a", "b")),
+    "radiation": (deck(conductors={**CONDUCTORS, "glow": GLOW}), QUIET, ("a", "b")),
+    "thermostat": (deck(conductors={**CONDUCTORS, "glow": GLOW}, loads=THERMOSTAT), QUIET, ("a", "b")),
+    "schedule": (deck(), STEPS, ("a", "b")),
+    "massless": (hot_box(), SIGNALS, ("box", "lid", "seam", "glue")),
+}
+
+
+def fmpy_run(file: Path, form: str, times: Any, nodes: tuple[str, ...], start: dict[str, float] | None = None) -> dict[str, Any]:
+    """Temperatures by FMPy, CVode for model exchange, at times."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
+    found = fmpy.simulate_fmu(
+        str(file),
+        fmi_type=form,
+        stop_time=float(times[-1]),
+        output_interval=float(times[1]),
+        relative_tolerance=1e-10,
+        output=[f"T.{n}" for n in nodes],
+        start_values=start or {},
+    )
+    at = [np.flatnonzero(np.isclose(found["time"], t, atol=1e-9))[-1] for t in times]
+    return {n: found[f"T.{n}"][at] for n in nodes}
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("name", MODELS)
+def test_fmpy_finds_the_temperatures_of_simulate(name: str, version: str, tmp_path: Path) -> None:
+    model, scenario, nodes = MODELS[name]
+    to_fmu(model, scenario, tmp_path / "m.fmu", version)
+    times = np.linspace(0.0, scenario.seconds, 121)
+    ours = td.simulate(model, scenario, times=times, options=TIGHT)
+    for form in ("ModelExchange", "CoSimulation"):
+        found = fmpy_run(tmp_path / "m.fmu", form, times, nodes)
+        for node in nodes:
+            assert np.abs(found[node] - ours[node].kelvin).max() < CLOSE, (form, node)
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("name", MODELS)
+def test_fmpy_finds_nothing_wrong(name: str, version: str, tmp_path: Path) -> None:
+    validation = pytest.importorskip("fmpy.validation", reason="FMPy is not installed (pip install 'thermid[fmu]')")
+    model, scenario, _ = MODELS[name]
+    to_fmu(model, scenario, tmp_path / "m.fmu", version)
+    assert validation.validate_fmu(str(tmp_path / "m.fmu")) == []
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("name", MODELS)
+def test_a_host_in_c_finds_them_too(name: str, version: str, tmp_path: Path) -> None:
+    model, scenario, nodes = MODELS[name]
+    fmu = unpacked(model, scenario, tmp_path, version)
+    step = scenario.seconds / 120.0
+    ours = td.simulate(model, scenario, times=np.linspace(0.0, scenario.seconds, 121), options=TIGHT)
+    found = fmu.run([f"T.{n}" for n in nodes], scenario.seconds, step)
+    for k, node in enumerate(nodes):
+        assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < CLOSE, node
+    if name != "thermostat":  # this host steps over state events
+        found = fmu.run([f"T.{n}" for n in nodes], scenario.seconds, scenario.seconds / 1200.0, "me")[::10]
+        for k, node in enumerate(nodes):
+            assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < CLOSE, node
+
+
+CHANGES = {
+    "linear": {"g": "1.7 [W/K]", "c": "31 [J/K]", "power": "9 [W]"},
+    "radiation": {"paint": "0.3", "area": "0.05 [m^2]", "g": "0.4 [W/K]"},
+    "thermostat": {"power": "4.2 [W]", "heat.thermostat.on_below": "299 [K]", "paint": "0.5"},
+    "schedule": {"g": "0.3 [W/K]", "c": "90 [J/K]"},
+    "massless": {"area": "0.13 [m^2]", "paint": "0.6", "share": "0.2", "free.htc.exponent": "0.31"},
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_parameters_changed_before_the_run_are_exact(name: str, tmp_path: Path) -> None:
+    model, scenario, nodes = MODELS[name]
+    fmu = unpacked(model, scenario, tmp_path)
+    changed = model.with_values(CHANGES[name])
+    ours = td.simulate(changed, scenario, times=np.linspace(0.0, scenario.seconds, 121), options=EXACT)
+    values = {f"p.{path}": float(value.split()[0]) for path, value in CHANGES[name].items()}
+    found = fmu.run([f"T.{n}" for n in nodes], scenario.seconds, scenario.seconds / 120.0, values=values, tolerance=1e-11)
+    before = fmu.run([f"T.{n}" for n in nodes], scenario.seconds, scenario.seconds / 120.0)
+    assert np.abs(found - before).max() > 0.5
+    for k, node in enumerate(nodes):
+        assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < 1e-6, node
+
+
+def test_derivatives_are_those_of_differences(tmp_path: Path) -> None:
+    """Rates, massless temperatures, heats and powers by states, inputs and parameters; the temperatures of every law."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
+    bent = {"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "0.02 [m^2]"}
+    model = hot_box(bent=bent)
+    fmu = unpacked(model, SIGNALS.with_(boundaries={"air": "10 [degC]", "wall": "15 [degC]"}, commands={}), tmp_path)
+    refs, written = fmu.references, fmu.written
+    described = fmpy.read_model_description(str(fmu.file))
+    known = [*written.states, *written.names("input"), *written.names("parameter")]
+    unknown = [v.name for v in written.variables if v.name.startswith(("der(", "heat.", "power.", "T.seam", "T.glue"))]
+    host = fmpy.fmi3.FMU3Model(
+        guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.modelExchange.modelIdentifier, instanceName="d"
+    )
+    host.instantiate()
+    host.enterInitializationMode(startTime=1000.0)
+    host.exitInitializationMode()
+    ask, of = [refs[n] for n in unknown], [refs[n] for n in known]
+
+    def values() -> np.ndarray:
+        return np.array(host.getFloat64(ask))
+
+    worst = (0.0, "")
+    for name, ref in zip(known, of, strict=True):
+        ours = np.array(host.getDirectionalDerivative(ask, [ref], [1.0]))
+        (at,) = host.getFloat64([ref])
+        step = 1e-4 * max(abs(at), 1e-3)
+        states = np.array(host.getFloat64([refs[n] for n in written.states]))
+
+        def moved(by: float, name: str = name, ref: int = ref, at: float = at, states: np.ndarray = states) -> np.ndarray:
+            if name in written.states:
+                place = written.states.index(name)
+                x = states + by * (np.arange(states.size) == place)
+                host.setContinuousStates(np.ascontiguousarray(x).ctypes.data_as(fmpy.fmi3.POINTER(fmpy.fmi3.fmi3Float64)), states.size)
+            else:
+                host.setFloat64([ref], [at + by])
+            return values()
+
+        near, far = ((moved(s) - moved(-s)) / (2.0 * s) for s in (step, 2.0 * step))
+        moved(0.0)
+        theirs = (4.0 * near - far) / 3.0
+        off = float((np.abs(ours - theirs) / (np.abs(ours) + 1e-6 * np.abs(values()) / max(abs(at), 1.0) + 1e-9)).max())
+        worst = max(worst, (off, name))
+    host.terminate()
+    host.freeInstance()
+    assert worst[0] < 1e-6, worst
+
+
+def test_a_state_is_kept_and_brought_back(tmp_path: Path) -> None:
+    """Within a run with thermostat, as bytes too."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
+    model, scenario, _ = MODELS["thermostat"]
+    fmu = unpacked(model, scenario, tmp_path)
+    described = fmpy.read_model_description(str(fmu.file))
+    host = fmpy.fmi3.FMU3Slave(
+        guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.coSimulation.modelIdentifier, instanceName="s"
+    )
+    host.instantiate()
+    host.enterInitializationMode()
+    host.exitInitializationMode()
+    ask = [fmu.references[n] for n in ("T.a", "T.b", "power.heat")]
+
+    def go(begin: int, end: int) -> list[list[float]]:
+        out = []
+        for k in range(begin, end):
+            host.doStep(currentCommunicationPoint=10.0 * k, communicationStepSize=10.0)
+            out.append(host.getFloat64(ask))
+        return out
+
+    go(0, 40)
+    state = host.getFMUState()
+    raw = host.serializeFMUState(state)
+    once = go(40, 90)
+    host.setFMUState(state)
+    assert np.allclose(go(40, 90), once, rtol=0, atol=1e-6)
+    host.setFMUState(host.deserializeFMUState(raw))
+    assert np.allclose(go(40, 90), once, rtol=0, atol=1e-6)
+    host.freeFMUState(state)
+    host.freeInstance()
+
+
+def test_an_input_that_the_host_drives(tmp_path: Path) -> None:
+    """A power that swings from step to step, beside a command of the scenario that does."""
+    model, scenario, _ = MODELS["linear"]
+    fmu = unpacked(model, scenario, tmp_path)
+    found = fmu.run(["T.a", "T.b"], 1200.0, 60.0, swing={"load.heat": (1.0, 0.4)})
+    swinging = {"times": [f"{60 * k} [s]" for k in range(20)], "values": [1.4 if k % 2 == 0 else 0.6 for k in range(20)]}
+    driven = scenario.with_(commands={"heat": {**swinging, "hold": True, "after": "hold"}})
+    ours = td.simulate(model, driven, times=np.linspace(0.0, 1200.0, 21), options=TIGHT)
+    for k, node in enumerate(("a", "b")):
+        assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < 1e-6, node
+
+
+def test_the_heat_of_boundaries_closes_the_balance(tmp_path: Path) -> None:
+    fmu = unpacked(*MODELS["thermostat"][:2], tmp_path)
+    found = fmu.run(["der(T.a)", "der(T.b)", "heat.air", "power.heat"], 1200.0, 10.0)
+    assert found[:, 3].max() > 5.0
+    assert set(np.round(found[:, 4], 9)) == {0.0, 30.0}
+    assert np.abs(50.0 * found[:, 1] + 100.0 * found[:, 2] + found[:, 3] - found[:, 4]).max() < 1e-9
+
+
+def test_what_a_host_sees(tmp_path: Path) -> None:
+    """Names, units, bounds and start of a linear model, in both versions."""
+    for version, key in (("3.0", "instantiationToken"), ("2.0", "guid")):
+        fmu = unpacked(*MODELS["linear"][:2], tmp_path, version)
+        root = ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()
+        assert root.get("fmiVersion") == version
+        assert len(root.get(key, "")) == 64
+        variables = {v.get("name"): v for v in root.find("ModelVariables")}  # type: ignore[union-attr]
+        assert list(variables) == [
+            *("time", "p.g", "p.c", "p.power", "T.air", "load.heat", "T.a", "T.b", "der(T.a)", "der(T.b)", "heat.air", "power.heat")
+        ]
+        given = variables["p.g"] if version == "3.0" else variables["p.g"][0]
+        assert (given.get("start"), given.get("min"), given.get("max"), given.get("unit")) == ("0.8", "0.1", "5.0", "W/K")
+    assert [p.suffix for p in (fmu.folder / "binaries").rglob("*.*")] == [".so"] or sys.platform != "linux"
+
+
+def test_the_same_model_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one.fmu", "two.fmu"):
+        to_fmu(*MODELS["massless"][:2], tmp_path / name)
+    assert (tmp_path / "one.fmu").read_bytes() == (tmp_path / "two.fmu").read_bytes()
+
+
+def test_other_platforms_compile_the_sources(tmp_path: Path) -> None:
+    """The files that the build description names, as a compiler sees them: each is there, and what it includes too."""
+    fmu = unpacked(*MODELS["linear"][:2], tmp_path)
+    build = ElementTree.parse(fmu.folder / "sources" / "buildDescription.xml").getroot()
+    sources = fmu.folder / "sources"
+    names = [f.get("name", "") for f in build.iter("SourceFile")]
+    assert len(names) > 15
+    for name in names:
+        lines = (sources / name).read_text().splitlines()
+        own = [line.split('"')[1] for line in lines if line.startswith('#include "')]
+        assert all((sources / each).is_file() for each in own), name
+    done = subprocess.run(
+        ["c++", "-std=c++17", "-fsyntax-only", "-I", sources, sources / "fmu" / "fmi3.cpp"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_damaged_files_are_refused_by_the_library(tmp_path: Path) -> None:
+    """Cut short, changed, another model's token: no instance, and a reason."""
+    fmu = unpacked(*MODELS["thermostat"][:2], tmp_path)
+    with pytest.raises(RuntimeError, match="belong to different models"):
+        fmu.run(["T.a"], 10.0, 1.0, token="0" * 64)
+    data = fmu.folder / "resources" / "model.bin"
+    whole = data.read_bytes()
+    rng = np.random.default_rng(5)
+    for k in range(40):
+        cut = whole[: int(rng.integers(len(whole)))]
+        hurt = bytearray(whole)
+        hurt[int(rng.integers(80, len(whole)))] ^= int(rng.integers(1, 256))
+        data.write_bytes(cut if k % 2 else bytes(hurt))
+        if k % 2:
+            with pytest.raises(RuntimeError, match="damaged"):
+                fmu.run(["T.a"], 10.0, 1.0)
+            continue
+        with suppress(RuntimeError):  # a changed number may still be a model; that a signal ended the host is no RuntimeError
+            fmu.run(["T.a"], 10.0, 1.0)
+
+
+def test_what_cannot_be_set_is_fixed_and_named(tmp_path: Path) -> None:
+    """Conductivity from a table that a parameter makes; the courses of a scenario."""
+    text = str(to_fmu(*MODELS["schedule"][:2], tmp_path / "m.fmu"))
+    assert "Courses of the scenario, which ends at 1200 s; the last value holds after that: air, heat." in text
+
+
+def test_wrong_requests_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(td.ThermidError, match=r"no version '1\.0'"):
+        to_fmu(*MODELS["linear"][:2], tmp_path / "m.fmu", "1.0")
+    with pytest.raises(OutputError, match=r"ends with \.fmu"):
+        to_fmu(*MODELS["linear"][:2], tmp_path / "m.zip")
+    (tmp_path / "other.fmu").write_bytes(b"mine")
+    with pytest.raises(OutputError):
+        to_fmu(*MODELS["linear"][:2], tmp_path / "other.fmu")
+    with zipfile.ZipFile(tmp_path / "theirs.fmu", "w") as packed:
+        packed.writestr("modelDescription.xml", "<fmiModelDescription/>")
+    with pytest.raises(OutputError):
+        to_fmu(*MODELS["linear"][:2], tmp_path / "theirs.fmu")
+
+
+def test_the_host_may_not_make_nonsense(tmp_path: Path) -> None:
+    """A capacitance of zero ends the run with a reason that names the node."""
+    fmu = unpacked(*MODELS["linear"][:2], tmp_path)
+    with pytest.raises(RuntimeError, match=r"a capacitance must lie above zero.* at 'a', at 0"):
+        fmu.run(["T.a"], 10.0, 1.0, values={"p.c": 0.0})

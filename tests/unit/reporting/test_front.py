@@ -1,0 +1,213 @@
+"""The top of a report: the answer, the figure that decides, the coloured network, all tests at one look; numbers, files, audiences."""
+
+from __future__ import annotations
+
+import csv
+import html
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.campaign.stages import Campaign
+from thermid.errors import ScenarioError
+from thermid.reporting.blocks.content import Cell, Head, Section, Table, folded
+from thermid.reporting.blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
+from thermid.reporting.diagrams.heat import MOST, heat_map
+from thermid.reporting.pages.campaign import report
+from thermid.reporting.pages.front import decisive, front
+from thermid.reporting.pictures import correlation
+from webpage import crossings, limited
+
+
+@pytest.fixture(scope="module")
+def page(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return report(campaign, to=tmp_path_factory.mktemp("front") / "page.html").read_text(encoding="utf-8")
+
+
+def test_the_sensor_that_takes_most_of_its_limit_decides(campaign: Campaign) -> None:
+    found = decisive(campaign)
+    assert found is not None
+    (verdict,) = campaign.verdicts
+    ratios = {(c.sensor, c.criterion): abs(c.found) / c.limit for c in verdict.checks}
+    assert found.check is not None
+    assert ratios[found.check.sensor, found.check.criterion] == max(ratios.values())
+    k = int(np.abs(found.block.residuals).argmax())
+    residual = found.block.measured[k] - found.block.predicted[k]
+    said = found.sentence()
+    assert f"residual {residual:+.2f} K" in said
+    assert f"measured {found.block.measured[k] - 273.15:.2f} °C" in said
+    assert f"simulated {found.block.predicted[k] - 273.15:.2f} °C" in said
+    assert "limit 0.0001 K" in said
+    assert said.endswith("NOT met.")
+
+
+def test_without_a_verdict_the_worst_fitted_sensor_stands_there_and_no_limit(campaign: Campaign) -> None:
+    alone = replace(campaign, verdicts=())
+    found = decisive(alone)
+    assert found is not None
+    assert found.limit is None
+    assert "No limit applies" in found.sentence()
+    assert decisive(Campaign("nothing", {}, (), {})) is None
+    assert front(Campaign("nothing", {}, (), {})) == []
+
+
+def test_answer_figure_and_network_come_before_all_else(page: str) -> None:
+    order = [page.index(text) for text in ('class="sum', "Worst held-out sensor", 'id="fig-decides"', 'id="fig-network"', 'class="glance"')]
+    assert order == sorted(order)
+    decides = page[page.index('id="fig-decides"') : page.index('id="fig-network"')]
+    for name in ("measured", "simulated", "measured less simulated", "ambient room", "power", "limit, residual"):
+        assert f'data-n="{name}"' in decides, name
+    assert "NOT met" in decides
+
+
+def test_room_and_power_are_drawn_in_every_transient(page: str) -> None:
+    transients = [f for f in re.findall(r'<svg class="plot".*?</svg>', page, re.DOTALL) if 'data-n="measured"' in f]
+    assert len(transients) == 6  # the one that decides, two held out, three fitted
+    for figure in transients:
+        assert re.search(r'data-n="ambient (air|room)"', figure)
+        assert 'data-n="power"' in figure
+
+
+def test_no_curve_passes_a_drawn_limit_unless_the_verdict_says_so(campaign: Campaign, page: str, tmp_path: Path) -> None:
+    drawn = limited(page)
+    assert len(drawn) == 3
+    for caption, figure in drawn:
+        assert crossings(figure)
+        assert "NOT met" in caption
+    (verdict,) = campaign.verdicts
+    kept = tuple(replace(c, limit=5.0, met=True) for c in verdict.checks)
+    good = report(replace(campaign, verdicts=(replace(verdict, checks=kept),)), to=tmp_path / "good.html").read_text(encoding="utf-8")
+    for caption, figure in limited(good):
+        assert crossings(figure) == []
+        assert "NOT met" not in caption
+
+
+def test_figures_and_tables_are_numbered_and_references_say_their_numbers(page: str) -> None:
+    for word in ("Fig.", "Table"):
+        found = [int(n) for n in re.findall(rf'<b class="no">{re.escape(word)}\u00a0(\d+)</b>', page)]
+        assert found == list(range(1, len(found) + 1))
+        assert len(found) > 4
+    assert len(re.findall("<figure", page)) == len(re.findall(r'<b class="no">Fig', page))
+    assert len(re.findall("<table", page)) == len(re.findall(r'<b class="no">Table', page))
+    refs = dict(re.findall(r'<a href="#((?:fig|table)-\w+)">([^<]+)</a>', page))
+    assert refs == {
+        "fig-decides": "Fig.\u00a01",
+        "fig-network": "Fig.\u00a02",
+        "fig-matrix": "Fig.\u00a03",
+        "table-verdicts": "Table\u00a02",
+    }
+    for key, number in refs.items():
+        at = page.index(f'id="{key}"')
+        assert re.search(r'<b class="no">([^<]+)</b>', page[at:])[1] == number  # type: ignore[index]
+
+
+def test_a_reference_to_what_is_not_there_is_left_out() -> None:
+    figures = '<figure id="a"><i class="no"></i>one</figure><figure><i class="no"></i>two</figure>'
+    text = figures + '<a class="ref" href="#a"></a><a class="ref" href="#b"></a>'
+    out = numbered(text)
+    assert out.count("Fig.\u00a02") == 1
+    assert out.endswith('<a href="#a">Fig.\u00a01</a>')
+
+
+def test_a_long_table_is_a_file_too_and_its_page_says_where(tmp_path: Path) -> None:
+    lines = [[Cell("part" if k % 2 == 0 else "", "", "same" if k % 2 else "main"), f"{k} [W]"] for k in range(40)]
+    table = Table.of([Head("what"), Head("power", True)], lines, title="Every value")
+    for audience, shown in SHOWN.items():
+        sheets = Sheets(tmp_path / f"{audience}.tables", audience)
+        assert sheets.of(table, "") == (min(shown, 40), f"{audience}.tables/every_value.csv")
+        assert sheets.of(replace(table, rows=table.rows[: LONG[audience] - 1]), "") == (LONG[audience] - 1, "")
+        sheets.write()
+        rows = list(csv.reader((tmp_path / f"{audience}.tables" / "every_value.csv").read_text(encoding="utf-8").splitlines()))
+        assert rows[0] == ["what", "power"]
+        assert rows[1:3] == [["part", "0 W"], ["part", "1 W"]]  # a blank cell says what stands above it
+        assert len(rows) == 41
+
+
+def test_two_tables_of_one_name_are_two_files(tmp_path: Path) -> None:
+    one = Table.of([Head("a")], [["1"]], title="Values")
+    sheets = Sheets(tmp_path / "x.tables")
+    names = [sheets.keep(t) for t in (one, Table.of([Head("a")], [["2"]], title="Values"), one)]
+    assert names == ["x.tables/values.csv", "x.tables/values_2.csv", "x.tables/values.csv"]
+    assert csv_of(one) == "a\n1\n"
+
+
+def test_what_opens_on_demand_is_in_files_alone_unless_everything_is_asked_for(tmp_path: Path) -> None:
+    section = Section.of("s", "Title", [folded("More", [Table.of([Head("a")], [["1"]])])])
+    whole, brief = Sheets(tmp_path, "all"), Sheets(tmp_path, "agency")
+    assert whole.shortened([section]) == [section]
+    assert brief.shortened([section])[0].blocks == ()
+    assert list(brief.files) == ["more.csv"]
+
+
+def test_a_report_is_as_long_as_its_audience_reads(campaign: Campaign, tmp_path: Path) -> None:
+    pages = {a: report(campaign, to=tmp_path / f"{a}.html", audience=a).read_text(encoding="utf-8") for a in ("summary", "agency", "all")}
+    assert len(pages["summary"]) < len(pages["agency"]) < len(pages["all"])
+    for text in pages.values():
+        assert 'id="fig-decides"' in text
+        assert 'id="table-verdicts"' in text
+        assert html.unescape(re.search(r'<p class="sum[^>]*>([^<]*)', text)[1]).startswith("✗ 1 of 1 verdict failed")  # type: ignore[index]
+    assert "Stage 1" not in pages["summary"]
+    assert "<details" not in re.sub(r'<details class="menu">', "", pages["summary"])
+    with pytest.raises(ScenarioError, match="not for 'everyone'"):
+        report(campaign, to=tmp_path / "no.html", audience="everyone")
+
+
+def _chain(count: int) -> td.Model:
+    nodes = {f"n{k}": {"capacitance": "100 [J/K]"} for k in range(count)}
+    joints = {f"j{k}": {"kind": "conduction", "between": [f"n{k}", f"n{k + 1}"], "conductance": "1 [W/K]"} for k in range(count - 1)}
+    out = {"out": {"kind": "conduction", "between": ["n0", "air"], "conductance": "1 [W/K]"}}
+    heater = {"heater": {"into": f"n{count - 1}", "power": "2 [W]"}}
+    return td.model_from_dict({"title": "chain", "needs": ["air"], "nodes": nodes, "conductors": joints | out, "loads": heater})
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, MOST, MOST + 5])
+def test_the_coloured_network_says_temperatures_and_heat(count: int) -> None:
+    model = _chain(count)
+    temperatures = {f"n{k}": 300.0 + 2.0 * k for k in range(count)} | {"air": 298.0}
+    flows = {f"j{k}": -2.0 for k in range(count - 1)} | {"out": 2.0}
+    picture = heat_map(model, temperatures, flows, {"heater": 2.0})
+    assert picture == heat_map(model, temperatures, flows, {"heater": 2.0})
+    chips = re.findall(r'<rect class="chip" x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', picture)
+    assert len(chips) == count  # every node is its own part here
+    boxes = [tuple(map(float, c)) for c in chips]
+    for k, (x, y, w, h) in enumerate(boxes):
+        assert 0 <= x <= 620 - w
+        for u, v, s, t in boxes[:k]:
+            assert x + w <= u or u + s <= x or y + h <= v or v + t <= y
+    assert "n0 26.9 °C" in picture  # what a screen reader says
+    if count > 1:
+        assert f"n{count - 1} to n{count - 2}: 2 W" in picture.replace("\u2009", " ")
+
+
+def test_massless_nodes_between_two_others_are_part_of_the_line(campaign: Campaign) -> None:
+    model = campaign["submodel"].fitted_model
+    run = td.simulate(model, td.Scenario("s", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]"))
+    temperatures = dict(zip(run.nodes, run.temperatures[-1].tolist(), strict=True))
+    flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
+    picture = heat_map(model, temperatures, flows, {})
+    assert picture.count('class="chip"') == 2
+    heat = abs(flows["stack.first"])
+    assert f": {heat:.3g} W</title>" in picture
+
+
+def test_the_matrix_frames_and_marks_what_is_not_met() -> None:
+    cells = {("one", "a"): (0.4, True), ("one", "b"): (1.3, False), ("two", "a"): (0.9, True)}
+    drawn = correlation.matrix(cells).markup
+    assert drawn.count("<rect") == 3
+    assert drawn.count("✗ 1.30") == 1
+    assert len({correlation.shade(r) for r in (0.0, 0.5, 1.0, 1.01, 2.0)}) == 5
+    assert correlation.shade(7.0) == correlation.shade(2.0)
+
+
+def test_scatter_and_histogram_say_how_many_readings_lie_within_2_3_and_5_kelvin() -> None:
+    measured = [np.array([300.0, 301.0, 302.0, 303.0])]
+    predicted = [measured[0] - np.array([0.5, -2.5, 4.0, -6.0])]
+    words = "25 % within 2 K, 50 % within 3 K, 75 % within 5 K"
+    assert words in correlation.scatter(measured, predicted).markup
+    assert words in correlation.spread_words([measured[0] - predicted[0]])
+    assert correlation.scatter(measured, predicted).markup.count(" K</text>") == 3
+    assert "4 readings" in correlation.histogram([measured[0] - predicted[0]]).markup
