@@ -98,7 +98,7 @@ def rooms() -> dict[str, list[str]]:
 
 def reference(room: str) -> str:
     """Return the page of a room: every public name of it."""
-    names = "\n\n".join(f"::: thermid.{name}" for name in rooms()[room])
+    names = "\n\n".join(f"::: thermid.{name if name in td._TOP else f'{td._PUBLIC[name]}.{name}'}" for name in rooms()[room])
     return f"# {room.replace('_', ' ').title()}\n\n{ROOMS[room]} `import thermid as td`, then `td.<name>`.\n\n{names}\n"
 
 

@@ -117,7 +117,7 @@ def by_heading() -> dict[str, Names]:
     """Heading of the page -> the names that its tables must hold, no more and no fewer."""
     conductor = [n for n in schema.ConductorTable.model_fields if n not in {s.partition(".")[0] for k in KINDS.values() for s in k.slots}]
     return {
-        "Public names": _of(td.__all__),
+        "Public names": _of(td._PUBLIC),
         "Deck": _model(schema.Deck),
         "Value": _model(fields.ValueTable, {"value": ANY, "min": ANY, "max": ANY}),
         "Node": _model(schema.NodeTable, dict(NODE_SLOTS)),
@@ -152,9 +152,9 @@ def by_heading() -> dict[str, Names]:
         "Air and walls apart": _model(fields.AirAndSees),
         "State of a gas that a reduced deck was made in": _model(schema.MadeInTable, MADE_IN_UNITS),
         "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
-        "Gas": _of(_plain(dataclasses.fields(td.Environment)), GAS_UNITS),
-        "Irradiation": _of(_plain(dataclasses.fields(td.Irradiation)), IRRADIATION_UNITS),
-        "Site": _of(_plain(dataclasses.fields(td.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
+        "Gas": _of(_plain(dataclasses.fields(td.network.Environment)), GAS_UNITS),
+        "Irradiation": _of(_plain(dataclasses.fields(td.network.Irradiation)), IRRADIATION_UNITS),
+        "Site": _of(_plain(dataclasses.fields(td.site.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
         "Weather of a scenario": _of(surroundings.KEYS["weather"], {"max_gap": "s", "air_temperature": TEMPERATURE}),
         "Sun of a scenario": _of(surroundings.KEYS["sun"], {"albedo": "1", "turbidity": "1", "sky": "deg"}),
         "Ascent of a scenario": _of(surroundings.KEYS["ascent"], ASCENT_UNITS),

@@ -121,7 +121,8 @@ class Dynamics:
             )
         if self.experiment.ticks is not None:
             raise IdentificationError(
-                "a second clock is yet to be found, which process noise cannot be combined with. Find it with td.align first.", where
+                "a second clock is yet to be found, which process noise cannot be combined with. Find it with td.inference.align first.",
+                where,
             )
         if self.engine.many:
             raise IdentificationError(

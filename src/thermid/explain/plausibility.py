@@ -172,7 +172,8 @@ LOOSE = 0.5
 def _undecided(v: FittedValue) -> str:
     """Return in words that a value has too wide an error to be judged."""
     shown = f"{v.path} = {short(v.in_unit)} +- {short(v.error * v.in_unit / v.value if v.value else v.error)} {v.unit}"
-    return f"{shown}: not determined, its 95 % interval reaches zero. Fix it, give it a prior, or see td.next_test for a log that shows it."
+    advice = "Fix it, give it a prior, or see td.design.next_test for a log that shows it."
+    return f"{shown}: not determined, its 95 % interval reaches zero. {advice}"
 
 
 def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:

@@ -156,7 +156,7 @@ class Evidence(Result):
         if better.doubts:
             return (
                 f"'{better.stage}' and '{worse.stage}': not decidable by evidence, because {better.doubts[0]}. Compare them on a hold-out "
-                "record, or look for what both miss with td.criticise."
+                "record, or look for what both miss with td.explain.criticise."
             )
         size, doubt = abs(far), math.hypot(self.error, other.error)
         scale = "not worth a mention" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"

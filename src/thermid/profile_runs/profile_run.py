@@ -99,7 +99,7 @@ class ProfileRun(Result):
     phases : tuple of Phase
     scenario : Scenario         The whole course, as a scenario that can be run again.
     solution : Solution         The whole course.
-    moisture : td.Moisture      Of a humidity test, else None.
+    moisture : td.site.Moisture      Of a humidity test, else None.
     notes : tuple of str        What came up while it ran.
     base : str                  The base plate; empty where none was named.
     chamber : tuple of str      Boundaries that are the chamber.

@@ -738,7 +738,7 @@ def _timed(channel: Channel, record: Record) -> None:
     if record.second is not None and channel.name in record.second.channels:
         raise RecordError(
             "its readings are compared with the model, but its clock is yet to be found; the log with the compared temperatures gives the "
-            "time. Join the logs the other way round, or, where both hold such temperatures, find the clock with td.align first.",
+            "time. Join the logs the other way round, or, where both hold such temperatures, find the clock with td.inference.align first.",
             f"{record.name}, {channel.name}",
         )
 

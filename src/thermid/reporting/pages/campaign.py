@@ -340,7 +340,10 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
     known = {e.record.name for e in c.experiments}
     if len(known) > MOST:
         parts.append(
-            ("What its residuals say", f"{len(known)} records: td.criticise(campaign[{c.stage!r}], elements=False) says it of each.")
+            (
+                "What its residuals say",
+                f"{len(known)} records: td.explain.criticise(campaign[{c.stage!r}], elements=False) says it of each.",
+            )
         )
     elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):
         parts.append(("What its residuals say", _said(lambda: str(criticise(c, elements=False)))))

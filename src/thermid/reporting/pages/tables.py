@@ -628,11 +628,11 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
     wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
     lines = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
     if lines:
-        yield f"Residuals wander at {_some(lines)}: something is missing there; td.criticise says what.", ""
+        yield f"Residuals wander at {_some(lines)}: something is missing there; td.explain.criticise says what.", ""
     apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
     if apart:
         yield (
-            f"{', '.join(reversed(apart))}: td.next_test ranks the tests that would tell values apart.",
+            f"{', '.join(reversed(apart))}: td.design.next_test ranks the tests that would tell values apart.",
             apart[-1] if len(apart) == 1 else "",
         )
 

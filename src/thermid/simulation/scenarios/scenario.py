@@ -118,7 +118,7 @@ class Scenario:
         for gas, around in self.environment.items():
             if not isinstance(around, Environment):
                 raise ScenarioError(
-                    f"it takes an environment, not {around!r}. Make one: td.Environment(...).", f"{self.title}, environment.{gas}"
+                    f"it takes an environment, not {around!r}. Make one: td.network.Environment(...).", f"{self.title}, environment.{gas}"
                 )
         seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
         if not math.isfinite(seconds):
