@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +84,30 @@ class Record(Samples, Result):
         sha = digest([("time", axis), *((key, each.values) for key, each in of.items())])
         origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
+
+    @classmethod
+    def from_dataframe(
+        cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
+    ) -> Record:
+        """Return a record of a pandas frame; its samples are taken as measured unless said otherwise.
+
+        Parameters
+        ----------
+        name : str          Its name.
+        frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
+        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
+                            ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
+        time : str          Column of the times, numbers in seconds or stamps; the index without it.
+        synthetic : bool    Whether a simulation made the samples.
+
+        Raises
+        ------
+        RecordError   When a column or key is unknown, a unit is missing, or times do not increase.
+        """
+        refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
+        axis = _seconds(frame.index if time is None else frame[time], name)
+        made = {column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()}
+        return cls.from_arrays(name, axis, made, synthetic=synthetic)
 
     def select(self, *names: str) -> Record:
         """Return the record with these channels only."""
@@ -624,3 +648,50 @@ def _channel_line(channel: Channel) -> str:
     if channel.assumed:
         parts.append(f"no unit in the log, read in {channel.unit}")
     return "; ".join(parts)
+
+
+ROLES: Final = {"node": "temperature", "boundary": "temperature", "prescribed": "temperature", "load": "power", "command": "command"}
+"""Role of a column of a frame -> its quantity."""
+
+
+def _seconds(times: Any, where: str) -> FloatArray:
+    """Return the times of a frame; stamps count from the first. [s]"""
+    values = np.asarray(times)
+    if values.dtype.kind == "M":
+        seconds = (values - values[0]) / np.timedelta64(1, "s")
+    elif values.dtype.kind == "m":
+        seconds = values / np.timedelta64(1, "s")
+    elif values.dtype.kind in "iuf":
+        seconds = values.astype(np.float64)
+    else:
+        raise RecordError("the times are neither numbers nor stamps. Convert them with pandas.to_datetime, or name their column.", where)
+    if values.size < 2 or not np.all(np.diff(seconds) > 0.0):
+        raise RecordError("the times do not increase strictly. Sort the frame by time and drop what is there twice.", where)
+    return np.asarray(seconds, dtype=np.float64)
+
+
+def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
+    """Return a column of a frame as a channel."""
+    where = f"{name}, {column}"
+    refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
+    roles = [key for key in ROLES if key in table]
+    if "unit" not in table or len(roles) != 1:
+        raise RecordError(f"give its unit, and one of {', '.join(ROLES)}: {{'unit': 'degC', 'node': 'case'}}.", where)
+    of, slot = unit(str(table["unit"])), {"temperature": "K", "power": "W"}.get(ROLES[roles[0]], "")
+    if slot and of.dimension != unit(slot).dimension:
+        raise RecordError(f"'{of.text}' is no unit of a {ROLES[roles[0]]}.", where)
+    sizes = {
+        key: amount(table[key], "K" if ROLES[roles[0]] == "temperature" else of.text, where)
+        for key in ("noise", "accuracy")
+        if key in table
+    }
+    return Channel.of(
+        column,
+        in_si(values, of),
+        quantity=ROLES[roles[0]],
+        role=roles[0],
+        target=str(table[roles[0]]),
+        column=column,
+        unit=of.text,
+        **sizes,
+    )
