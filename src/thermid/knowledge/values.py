@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, look_up
+from thermid.errors import DeckError, ThermidError, look_up
 from thermid.files import VALUES, parse_toml, read_text, write_text
 from thermid.knowledge.store import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
 from thermid.linear_algebra import Array, square_root
@@ -396,6 +396,8 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     try:
         store = _read(data) if data["schema"] != 1 else _read_old(data)
         stage = str(data["stage"])
+    except ThermidError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None
     for name, v in data["values"].items():
