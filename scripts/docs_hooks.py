@@ -157,7 +157,7 @@ DECISIONS = {
     "interop": "23 194",
     "estimation and watch": "180 181 182 183 184",
     "start": "188",
-    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 215 220 221 222",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 215 216 217 220 221 222",
 }
 """Rooms -> numbers of the decisions about them; what stands nowhere is about the project as a whole."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,10 @@ from thermid.simulation.solver.large_steady import settle_large
 from thermid.simulation.solver.problem import Options, break_times
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
+from thermid.results import Result
+
+if TYPE_CHECKING:
+    import xarray
 
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
 
@@ -134,6 +138,15 @@ class BlockSolution(Solution):
     def sensitivity(self, node: str, name: str) -> Array:
         """Refused: methods of large networks carry no derivatives."""
         raise NameNotFoundError(f"the solution holds no sensitivity of '{node}' to '{name}': large networks carry none.", self.title)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the temperatures of the nodes over time as a data set; a block stores no flows of single conductors. [degC]
+
+        Raises
+        ------
+        MissingExtraError   When pandas or xarray is not installed.
+        """
+        return Result.to_xarray(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -545,7 +545,8 @@ class Record(Samples, Result):
         """
         pandas = optional("pandas", "to_frame")
         columns = {c.name: from_si(np.where(c.valid, c.values, np.nan), c.unit) for c in self.channels.values()}
-        return pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
+        made: DataFrame = pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
+        return made
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the channels."""
