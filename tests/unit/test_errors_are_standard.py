@@ -1,4 +1,4 @@
-"""Errors are those that a Python programmer expects, too: what is wrong with a value is a `ValueError`, and so on; all travel in a pickle."""
+"""Errors are those that a Python programmer expects, too: a wrong value is a `ValueError`, and so on; all travel in a pickle."""
 
 from __future__ import annotations
 

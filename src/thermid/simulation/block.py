@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, l
 from thermid.model.laws.signal import Constant, Drawn, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
 from thermid.simulation.solution import HeatBalance, Solution, Trace
@@ -25,7 +26,6 @@ from thermid.simulation.solver.large_steady import settle_large
 from thermid.simulation.solver.problem import Options, break_times
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.units import TEMPERATURE
-from thermid.results import Result
 
 if TYPE_CHECKING:
     import xarray
