@@ -40,7 +40,7 @@ def test_a_name_stands_in_one_place() -> None:
 @pytest.mark.parametrize("space", td._NAMESPACES)
 def test_a_namespace_serves_its_names(space: str) -> None:
     room = getattr(td, space)
-    assert dir(room) == list(td._NAMESPACES[space])
+    assert dir(room) == sorted(td._NAMESPACES[space])
     for name, module in td._NAMESPACES[space].items():
         assert getattr(room, name).__module__.startswith(f"thermid.{module.partition('.')[0]}")
     with pytest.raises(AttributeError, match=f"module 'thermid.{space}' has no attribute 'nothing'"):
