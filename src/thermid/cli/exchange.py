@@ -202,7 +202,7 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model for Octave, SPICE, SINDA, ESATAN, or as an FMU.
+    """Write a model for Octave, C, SPICE, SINDA, ESATAN, or as an FMU.
 
     The scenario is written with it. What the format cannot say is refused.
     """

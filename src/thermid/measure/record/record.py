@@ -37,9 +37,8 @@ from thermid.measure.record.channel import (
     stretch,
     with_sensor,
 )
-from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.measure.record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.physics.constants import ICE_POINT
 from thermid.results import PlottedTrace, Result, Row, optional
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
@@ -517,7 +516,7 @@ class Record(Samples, Result):
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the valid samples of every temperature, else of every channel in its unit."""
         chosen = [c for c in self.channels.values() if c.quantity == "temperature"] or list(self.channels.values())
-        shift = ICE_POINT if chosen and chosen[0].quantity == "temperature" else 0.0
+        shift = ICE if chosen and chosen[0].quantity == "temperature" else 0.0
         return [PlottedTrace(c.name, self.times[c.valid], c.values[c.valid] - shift, measured=True) for c in chosen]
 
     def _as_rows(self) -> list[Row]:
