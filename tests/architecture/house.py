@@ -24,11 +24,11 @@ Offenders = dict[str, int]
 def imports_between(modules: Mapping[str, Module]) -> dict[str, set[str]]:
     """Module -> the modules of the package that it imports, wherever the import stands."""
     known = {*modules, "thermid._kernel"}
-    offered = {f"thermid.{space}" for space in thermid._NAMESPACES}  # their stubs offer public names: nobody needs them for that
-    return {
-        m.name: set() if m.name in offered else {t for i in m.imports() for t, _ in within(i, known) if t in modules} - {m.name}
-        for m in modules.values()
-    }
+    found = {m.name: {t for i in m.imports() for t, _ in within(i, known) if t in modules} - {m.name} for m in modules.values()}
+    for space in {f"thermid.{name}" for name in thermid._NAMESPACES} & set(found):  # they offer public names for the package as a whole
+        found.setdefault("thermid", set()).update(found[space])
+        found[space] = set()
+    return found
 
 
 def own_lazy_imports(module: Module) -> list[Import]:
