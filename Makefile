@@ -15,7 +15,7 @@ SANITIZED := tests/unit/kernel tests/unit/network tests/unit/simulation tests/un
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all bench screenshots firmware bench-tools docs lint sanitize format lengths lock clean
+.PHONY: help setup setup-test demo test test-all bench screenshots firmware bench-tools docs lint torture sanitize format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -50,6 +50,9 @@ bench-tools: firmware  ## the simulated bench that runs it (needs libsimavr)
 docs: setup-test  ## the documentation as pages that open from the disk; ends with the path of the first
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo $(CURDIR)/build/docs/index.html
+
+torture: setup-test  ## mutants of files, commands and arguments, random networks, kills and full disks (MINUTES=8), the table of docs/torture.md
+	$(BIN)/python scripts/torture.py --minutes $(or $(MINUTES),8) --seed $(or $(SEED),1) --page docs/torture.md
 
 sanitize: setup-test  ## the tests that reach the kernel, with a kernel built under address and undefined behaviour sanitizers (gcc)
 	scripts/sanitize -m pytest -n 2 -m "not campaign" -rs -p no:cacheprovider $(SANITIZED)

@@ -1,6 +1,6 @@
-"""Write docs/schema/deck.schema.json, by which an editor checks and completes a deck.
+"""Write docs/schema: a JSON Schema of every kind of file, by which an editor checks and completes it.
 
-Run it as ``.venv/bin/python scripts/write_schema.py``; tests/unit/model/test_parts.py fails when the file is not current.
+Run it as ``.venv/bin/python scripts/write_schema.py``; tests/unit/test_schemas.py fails when a file is not current.
 """
 
 from __future__ import annotations
@@ -8,21 +8,21 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from thermid.model.deck.schema import json_schema
+from thermid.extensions import GRAMMARS, json_schema
 
-TARGET = Path(__file__).parent.parent / "docs/schema/deck.schema.json"
+FOLDER = Path(__file__).parent.parent / "docs/schema"
 
 
-def text() -> str:
-    """Return the schema as JSON text."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "thermid deck"}
-    return json.dumps(head | {k: v for k, v in json_schema().items() if k != "title"}, indent=2) + "\n"
+def text(kind: str) -> str:
+    """Return the schema of a kind of file as JSON text."""
+    return json.dumps(json_schema(kind), indent=2) + "\n"
 
 
 def main() -> None:
-    """Write the file."""
-    TARGET.parent.mkdir(parents=True, exist_ok=True)
-    TARGET.write_text(text(), encoding="utf-8")
+    """Write the files."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for kind in GRAMMARS:
+        (FOLDER / f"{kind}.schema.json").write_text(text(kind), encoding="utf-8")
 
 
 if __name__ == "__main__":

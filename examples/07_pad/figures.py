@@ -16,7 +16,7 @@ absorbed, winds, warm = page.subplots(3, 1, sharex=True)
 for name, power in run.load_powers.items():
     if name != "electronics":
         absorbed.plot(hours, power, label=name)
-absorbed.set(ylabel="absorbed [W]", title="Two days beside a pad, on weather made up for this lesson")
+absorbed.set(ylabel="absorbed [W]", title="Two days beside a pad, on weather compensated this lesson")
 for path, signal in pad.schedule.items():
     winds.plot(hours, signal.at(run.times), label=path)
 winds.set(ylabel="htc in wind and rain [W/(m$^2$ K)]")

@@ -48,7 +48,7 @@ SEEN = {
 
 
 def inline(svg: str) -> str:
-    """Return an SVG as it stands inside a page."""
+    """Return an SVG as it is inside a page."""
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
@@ -98,7 +98,7 @@ def levels(work: Work) -> Section:
         Heading("What the campaign recovers, and what it cannot tell"),
         Words(
             "The unit behind the logs was looked at when everything was fitted and judged. Coefficients are compared as effective ones at "
-            "one temperature: convection and radiation are hardly told apart in air, so their sum is known far better than either."
+            "one temperature: convection and radiation are hardly separable in air, so their sum is known far better than either."
         ),
         folded("Found and hidden, value by value", [findings.recovered(work)], f"{len(work.recovered())} values"),
         folded("Hidden temperatures of the held-out logs", [findings.hidden(work)], "sensor by sensor"),

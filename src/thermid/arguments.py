@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from functools import wraps
+from numbers import Integral
 from typing import Any, ParamSpec, TypeVar
 
 from thermid.errors import DeckError
@@ -51,7 +52,7 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
     """
     code, told = function.__code__, function.__annotations__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    known = {n: words for n in names if isinstance(told.get(n), str) and (words := _words(told[n]))}
+    known = {n: words for n in names if isinstance(told.get(n), str) and (words := _words(told[n]) or _plain(told[n]))}
     places = [(k, n) for k, n in enumerate(names[: code.co_argcount]) if n in known]
 
     passed: set[tuple[str, type]] = set()  # what was taken once is taken again; a call then costs a microsecond
@@ -81,6 +82,18 @@ def _words(annotation: str) -> tuple[str, ...]:
     return words if {*words} & {*MADE, "PathLike", "Path"} or annotation.startswith("Mapping[str, Any]") else ()
 
 
+def _plain(annotation: str) -> tuple[str, ...]:
+    """Return the kinds of an argument that is a dictionary or a whole number and nothing of thermid; nothing of others."""
+    bare = annotation
+    while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
+        bare = inner
+    kinds = {*bare.split(" | ")}
+    return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"Mapping"}, {"Mapping", "str"}) else ()
+
+
+PLAIN = "plain"
+
+
 def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
     """Refuse a value that an annotation of these words does not take.
 
@@ -88,10 +101,17 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     ------
     DeckError   When it is a text, a path, a dictionary or an object of another kind.
     """
+    if words[0] == PLAIN:
+        wanted = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
+        if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
+            return
+        raise DeckError(f"`{name}` takes {'a whole number' if 'int' in words else 'a dictionary'}, not {value!r}.", function)
     if value is None:
         if "None" in words:
             return
         what = "None"
+    elif isinstance(value, list | tuple | float | int) and {*words} <= {*MADE, "None", "Mapping", "Any", "str", "os", "PathLike", "Path"}:
+        what = "a list" if isinstance(value, list | tuple) else repr(value)
     elif isinstance(value, list | tuple):
         for item in value if any(m in words for m in MANY) else ():
             _check(item, words, name, function)

@@ -7,7 +7,7 @@ command line returns for it.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any, TypeVar
@@ -107,7 +107,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("proc.cas", ["proc.case", "ele.case"])
     " Did you mean 'proc.case'?"
     """
-    names = list(known)
+    names, name = list(known), str(name)
     hits = [n for n in names if n.casefold() == name.casefold()] or get_close_matches(name, names, n=1, cutoff=0.5)
     return f" Did you mean '{hits[0]}'?" if hits else ""
 
@@ -144,7 +144,7 @@ def refuse_unknown(
     ThermidError   Of that kind.
     """
     for name in names:
-        if name not in known:
+        if not isinstance(name, Hashable) or name not in known:
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
             words = {"{}": str(name), "{known}": ", ".join(known) or "none", "{near}": nearest(str(name), known)}
             raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where)

@@ -112,7 +112,7 @@ def parse(text: str) -> Expression:
     ('diameter',)
     """
     if len(text) > _LONGEST:
-        raise ExpressionError(f"the expression has {len(text)} characters; at most {_LONGEST} are read.")
+        raise ExpressionError(f"the expression has {len(text)} characters; the limit is {_LONGEST}.")
     bracket = _BRACKET.match(text)
     body = bracket["number"] if bracket else text
     names: list[str] = []
@@ -145,8 +145,8 @@ def _with_quantities(text: str) -> Expression:
         of = unit(found["unit"])
         if of.absolute:
             raise ExpressionError(
-                f"'{_short(text)}': inside arithmetic '{found[0]}' could be a temperature or a difference. "
-                "Write it in [K] or give it a name."
+                f"'{_short(text)}': '{found[0]}' inside arithmetic could be a temperature or a difference. Write it in [K] or define "
+                "a parameter for it."
             )
         name = f"{_PLACE}{len(quantities)}"
         quantities[name] = Literal(to_si(Fraction(found["number"]), of), of)
@@ -161,11 +161,11 @@ def _with_quantities(text: str) -> Expression:
         return Expression(text, tuple(dict.fromkeys(names)), None, tree, quantities)
     if _BRACKET.match(text) and re.search(r"[A-Za-z_)]\s*\[[^\[\]]*\]\s*$", text):
         raise ExpressionError(
-            f"'{_short(text)}': a unit in brackets follows pure numbers only; names bring their own units. Leave the brackets out."
+            f"'{_short(text)}': a unit in brackets may follow pure numbers only; names have their own units. Leave the brackets out."
         )
     raise ExpressionError(
-        f"'{_short(text)}': a unit stands in brackets once, at the end: '(0.5 + 1) [m]'. In an expression with names it follows a number: "
-        "'area + 2 [cm^2]'."
+        f"'{_short(text)}': write the unit in brackets once, at the end: '(0.5 + 1) [m]'. In an expression with names write it after "
+        "a number: 'area + 2 [cm^2]'."
     )
 
 
@@ -286,10 +286,10 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, known: f
     except RecursionError:
         raise ExpressionError(f"'{_short(text)}' is nested too deeply.") from None
     if isinstance(node, ast.Tuple) and (pointed := _DECIMAL_COMMA.sub(".", text)) != text:
-        raise ExpressionError(f"'{_short(text)}': numbers have a decimal point here, '{_short(pointed)}'.")
+        raise ExpressionError(f"'{_short(text)}': write numbers with a decimal point: '{_short(pointed)}'.")
     raise ExpressionError(
-        f"'{_short(text)}': '{_short(part)}' is not allowed. An expression holds numbers, names, dotted paths, "
-        f"+ - * / **, parentheses, pi, {', '.join(FUNCTIONS)}; it runs no code."
+        f"'{_short(text)}': '{_short(part)}' is not allowed. An expression may hold numbers, names, dotted paths, + - * / **, "
+        f"parentheses, pi, {', '.join(FUNCTIONS)}. It does not run code."
     )
 
 

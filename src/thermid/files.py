@@ -188,11 +188,13 @@ def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
         return target
     about = target.stat()
     if (about.st_dev, about.st_ino) in running.inputs:
-        raise OutputError(f"this command reads it, and writing the {kind.name} there would destroy it. Give another name.", str(path))
+        raise OutputError(
+            f"this file is an input of the command; writing the {kind.name} would overwrite it. Give another name.", str(path)
+        )
     if not kind.wrote(target):
         raise OutputError(
-            f"a file is there already that thermid did not write as {kind.name}, or that was changed since. "
-            "Give another name or move it away; on the command line --force replaces it.",
+            f"this file exists already. It was not written by thermid as {kind.name}, or was changed since. Give another name or move "
+            "it away; on the command line --force replaces it.",
             str(path),
         )
     return target

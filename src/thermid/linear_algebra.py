@@ -46,7 +46,7 @@ def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, Bools, Arr
 
 
 def pseudo_inverse(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Return the pseudo-inverse of J'J: right for combinations of which the rows say something, nothing of the others."""
+    """Return the pseudo-inverse of J'J: right for combinations of which the rows state thismething, nothing of the others."""
     if rows.shape[1] == 0:
         return np.zeros((0, 0))
     s, v, weak, length = _decomposed(rows, tolerance)
@@ -85,7 +85,7 @@ def null_space(rows: Array) -> Array:
 
 
 def rank(rows: Array, beside: Array | None = None) -> int:
-    """Return of how many combinations of unknowns the rows say something; `beside` are the columns of others that are open too."""
+    """Return of how many combinations of unknowns the rows state thismething; `beside` are the columns of others that are open too."""
     part = scaled(rows)[0][: len(rows)]
     largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
     if beside is not None and beside.shape[1]:

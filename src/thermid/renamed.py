@@ -190,6 +190,6 @@ class Renamed:
             if new is None:
                 raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
             shown = f'["{new[1:-1]}"]' if new.startswith("[") else f".{new}"
-            text = f"'.{name}' is called '{shown}' now; the old name goes with thermid {REMOVED}."
+            text = f"'.{name}' was renamed to '{shown}'; the old name will be removed in thermid {REMOVED}."
             warnings.warn(text, DeprecationWarning, stacklevel=2)
             return self[new[1:-1]] if new.startswith("[") else getattr(self, new)

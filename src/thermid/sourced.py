@@ -15,7 +15,7 @@ MARKS = {
     "read": "read in the text of its source",
     "project": "the project's own",
     "secondary": "quoted from a secondary document",
-    "memory": "from memory; shown, decides nothing",
+    "memory": "from memory; shown for information, not used for a verdict",
 }
 """Mark -> what it says, the surest first."""
 VERDICTS = {True: "met", False: "NOT met", None: "not decided"}
@@ -54,7 +54,7 @@ def check_mark(mark: str, where: str) -> str:
     ------
     ScenarioError   With the nearest mark.
     """
-    refuse_unknown([mark], MARKS, where, "'{}' is no mark; there are {known}.", ScenarioError)
+    refuse_unknown([mark], MARKS, where, "'{}' is not a mark; use one of {known}.", ScenarioError)
     return mark
 
 

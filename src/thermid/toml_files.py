@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import DeckError, nearest
+from thermid.extensions import by_grammar
 from thermid.files import parse_toml, read_text
 
 MARKER = "thermid.toml"
@@ -66,6 +68,26 @@ class Places:
         return f"{place}, {key}" if key else place
 
 
+def read_json(path: Path, kind: str) -> Any:
+    """Return the content of a JSON file as its grammar has it; such files are carried on, so that they are no inputs of a command.
+
+    Parameters
+    ----------
+    path : Path         The file.
+    kind : str          As in `by_grammar`.
+
+    Raises
+    ------
+    ThermidError    When it is no JSON, or does not follow the grammar.
+    OSError         When it cannot be opened.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        content = f"this is no JSON: {error}"
+    return by_grammar(kind, content, Places(str(path)))
+
+
 def refuse_another_kind(content: Mapping[str, Any], wanted: str, where: str) -> None:
     """Refuse a deck or a campaign where a file of another kind is read.
 
@@ -93,10 +115,10 @@ def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] 
     """
     root = project_root(folder)
     if "\0" in name:
-        raise DeckError(f"{name!r} is no file name.", where)
+        raise DeckError(f"{name!r} is not a file name.", where)
     path = (folder / name).resolve()
     if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
-        raise DeckError(f"'{name}' leaves the project ({MARKER} marks its root). Copy the file into the project.", where)
+        raise DeckError(f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project.", where)
     return path
 
 
@@ -117,7 +139,7 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise DeckError(f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}")
     if path.stat().st_size > LARGEST_FILE:
         raise DeckError(
-            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text of a few kilobytes. Put tables of data into a log.",
+            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text file of a few kilobytes. Move tables of data into a log.",
             path.name,
         )
     try:
@@ -127,5 +149,5 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise DeckError("the file is not UTF-8 text.", path.name) from None
     except tomllib.TOMLDecodeError as error:
         raise DeckError(
-            f"this is no TOML: {error}. Texts stand in quotes, numbers with units too; comments begin with #.", path.name
+            f"this is not valid TOML: {error}. Put texts, and numbers with units, in quotes; begin comments with #.", path.name
         ) from None

@@ -111,9 +111,7 @@ def unit(text: str) -> Unit:
     Fraction(1, 1000)
     """
     if len(text) > _LONGEST:
-        raise UnitError(
-            f"'[{text[:40]}...]' is no unit that is known here: it has {len(text)} characters, and at most {_LONGEST} are read."
-        )
+        raise UnitError(f"'[{text[:40]}...]' is not a known unit: it has {len(text)} characters, the limit is {_LONGEST}.")
     key = "1" if text.strip() == "-" else _normalised(text) or "1"  # a dash says that there is none
     row = TABLE.get(key)
     if row is not None:
@@ -121,14 +119,14 @@ def unit(text: str) -> Unit:
     for scale, instead in (("degC", "K"), ("degF", "degR")):
         if scale in key:
             raise UnitError(
-                f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. "
-                f"Write {instead}: a difference of 1 {scale} is 1 {instead}."
+                f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. Write {instead}: a difference of 1 {scale} "
+                f"equals 1 {instead}."
             )
     if key in _SPELT:
-        raise UnitError(f"'[{text}]' is no unit that is known here. Write [{_SPELT[key]}].")
+        raise UnitError(f"'[{text}]' is not a known unit. Write [{_SPELT[key]}].")
     for flow in re.findall(r"\w+", key):
         if flow.lower() in _FLOWS:
-            raise UnitError(f"'[{text}]' is no unit that is known here. Write {_FLOWS[flow.lower()]} for {flow}.")
+            raise UnitError(f"'[{text}]' is not a known unit. Write {_FLOWS[flow.lower()]} for {flow}.")
     if re.search(r"/\(?mK\b", key):
         raise UnitError(f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.")
     if re.search(r"\bgr\b", key):
@@ -143,7 +141,7 @@ def _check_exponents(text: str, key: str) -> None:
         if given[:1].isdigit() or given[:1] == "-":
             if not _SMALL.match(given) or abs(float(given)) > _LARGEST_EXPONENT:
                 raise UnitError(
-                    f"'[{text}]' is no unit that is known here: it has the exponent {given}. "
+                    f"'[{text}]' is not a known unit: it has the exponent {given}. "
                     f"Exponents go up to {_LARGEST_EXPONENT}, as plain numbers with at most one decimal.{_intended(key)}"
                 )
 
@@ -179,7 +177,7 @@ def _from_pint(text: str, key: str) -> Unit:
     import pint
 
     dimensions = ("[length]", "[mass]", "[time]", "[current]", "[temperature]")
-    unknown = UnitError(f"'[{text}]' is no unit that is known here.{_intended(key) or nearest(key, TABLE).replace('*', ' ')}")
+    unknown = UnitError(f"'[{text}]' is not a known unit.{_intended(key) or nearest(key, TABLE).replace('*', ' ')}")
     if not _READABLE.match(key) or key.count("(") != key.count(")"):
         raise unknown
     try:
@@ -203,7 +201,7 @@ def _from_pint(text: str, key: str) -> Unit:
     ) as error:
         raise unknown from error
     if strange:
-        raise UnitError(f"'[{text}]' has a dimension that a thermal network has no use for: {', '.join(sorted(strange))}.")
+        raise UnitError(f"'[{text}]' has a dimension that does not occur in a thermal network: {', '.join(sorted(strange))}.")
     return Unit(text.strip(), factor, offset, dimension)
 
 
@@ -252,7 +250,7 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
         shown = f' Write its unit with it: "2.5 [{"degC" if slot == TEMPERATURE else slot}]".' if bare else ""
         raise UnitError(f"{what}; {need} is needed here.{shown}")
     if absolute and slot != TEMPERATURE:
-        raise UnitError(f"'[{given}]' is a temperature on the scale; a difference is needed here. Write it in [K].")
+        raise UnitError(f"'[{given}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].")
 
 
 @lru_cache(maxsize=512)

@@ -47,7 +47,7 @@ ARROWS: dict[str, set[str]] = {
     "arguments": {"errors"},
     "extensions": {"errors"},
     "files": {"errors"},
-    "toml_files": {"errors", "files"},
+    "toml_files": {"errors", "extensions", "files"},
     "grammar": {"errors"},
     "memo": set(),
     "renamed": set(),

@@ -13,6 +13,7 @@ WRITERS = {
     "thermid.simulation.solver.problem": "writes signals as the kernel's arrays",
     "thermid.simulation.solver.engine": "counts the samples that the kernel will meet, to choose a method",
     "thermid.interop.c99": "writes signals as C",
+    "thermid.interop.modelica": "writes signals as Modelica",
     "thermid.interop.octave": "writes signals as Octave",
     "thermid.interop.spice": "writes signals as SPICE",
     "thermid.interop.decks.written": "writes signals as SINDA and ESATAN",

@@ -40,7 +40,7 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{t
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import thermid as td
-from thermid.model.deck.schema import json_schema
+from thermid.extensions import json_schema
 
 model = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
@@ -55,7 +55,7 @@ try:
 except td.ThermidError as error:
     refusal = str(error)
 print(json.dumps({"from": td.__file__, "rise": run["plate"].rise, "fitted": fit["bolts.bolt_conductance"].value,
-                  "schema": "bolt_conductance" in json.dumps(json_schema()), "refusal": refusal}))
+                  "schema": "bolt_conductance" in json.dumps(json_schema("deck")), "refusal": refusal}))
 """
 
 CHECK = """

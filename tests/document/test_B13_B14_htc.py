@@ -57,7 +57,7 @@ def test_the_accelerometer_settles_three_times_as_slowly_as_its_mass_says() -> N
     assert settling.from_mass / 60 == pytest.approx(17.12, abs=0.01)
     assert settling.differs
     assert [r * found.settling.from_data[k] / settling.from_mass for k, r in ((0, 1.0), (1, 1.0))] == pytest.approx([3.6, 3.04], abs=0.02)
-    assert any("settled 3 times as slowly as m c/(h A) says: 4 h against 1.31 h to 99 %" in r for r in found.remarks)
+    assert any("settled 3 times as slowly as m c/(h A) says: 4 h against 1.31 h to 99 %. Possible causes" in r for r in found.remarks)
 
 
 def test_the_power_supply_settles_as_its_mass_says() -> None:

@@ -73,7 +73,7 @@ def test_H1_humidity_is_noted_and_changes_nothing() -> None:  # noqa: N802
     assert np.array_equal(runs[0].temperatures, runs[1].temperatures)
     for run, percent in zip(runs, (10, 90), strict=True):
         (note,) = run.warnings
-        assert note.startswith(f"the relative humidity of 'cv', {percent} %, does not enter the classical equations.")
+        assert note.startswith(f"the relative humidity of 'cv', {percent} %, is not used: the equations contain no moisture.")
     assert td.simulate(deck("m_Sd"), BENCH).warnings == ()
 
 

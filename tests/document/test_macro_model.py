@@ -127,7 +127,7 @@ def test_A11_tables_of_weather_fairing_and_power(macro: td.Model) -> None:  # no
 
 
 def test_A11_thin_air_needs_radiation_by_itself(macro: td.Model) -> None:  # noqa: N802
-    with pytest.raises(td.ThermidError, match=r"is effective: it contains radiation"):
+    with pytest.raises(td.ThermidError, match=r"is effective: it includes radiation,"):
         td.simulate(macro, td.load_scenario(MACRO / "ascent.toml"))
 
 

@@ -119,7 +119,7 @@ def test_B3_initial_temperature_is_a_parameter(start: float) -> None:  # noqa: N
 
 
 def test_vacuum_is_refused_for_an_effective_coefficient() -> None:
-    with pytest.raises(ScenarioError, match=r"the coefficient of 'skin' is effective: it contains radiation"):
+    with pytest.raises(ScenarioError, match=r"the coefficient of 'skin' is effective: it includes radiation,"):
         td.simulate(_accelerometer(), BENCH.vacuum())
 
 

@@ -432,7 +432,7 @@ def test_levels_are_a_shadow_list() -> None:
 def test_B12_a_dash_is_asked_for(name: str, level: str) -> None:  # noqa: N802
     """B12: where the table has no value, the part is refused and says what to give; the disk has no row at all."""
     with pytest.raises(
-        DeckError, match=rf"{name}, surfaces\.skin: a surface exchanges nothing: give htc, effective_htc, emissivity or finish\."
+        DeckError, match=rf"{name}, surfaces\.skin: the surface exchanges no heat\. Give htc, effective_htc, emissivity or finish\."
     ):
         component(name, level)
 

@@ -214,7 +214,7 @@ def test_B9_both_convections_omitted_too() -> None:  # noqa: N802
     """Fig. 20's formula gives NaN in the two cases the text discusses; conductances do not."""
     model = td.model_from_dict(
         {
-            "title": "Fig. 19 in vacuum",
+            "title": "Fig. 19 the resistance in vacuum is",
             "needs": ["cv"],
             "nodes": {"proc": {"capacitance": "1468.8 [J/K]"}, "ele": {"capacitance": "707.52 [J/K]"}, "cd": {}},
             "conductors": {

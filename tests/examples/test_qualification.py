@@ -27,7 +27,7 @@ def test_the_plan_stands_as_it_was_locked_and_says_that_logs_came_first() -> Non
     plan = td.qualify.load_plan(EXAMPLES / "sisnav" / "qualification" / "plan.toml")
     status = lock_status(plan)
     assert (status.state, status.changed) == ("late", ())
-    assert "before the plan was locked: it does not show what was decided beforehand" in str(status)
+    assert "locked, so the lock does not prove that the criteria were set in advance" in str(status)
     assert {t.kind for t in plan.tests} == KINDS
 
 
@@ -45,7 +45,7 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     assert any("assumed values that no spread names" in why for m in found.margins for why in m.not_counted)
     assert found.passed is False
     assert any("before the plan was locked" in why for why in found.open)
-    (cycles,) = (r for r in found["thermal cycling"].remarks if "the clause asks for 20 cycles in all" in r)
+    (cycles,) = (r for r in found["thermal cycling"].remarks if "the clause requires 20 cycles in all" in r)
     assert cycles.endswith("the profile runs 16 and other tests of the plan 4")  # none is missing
     assert [max(p.cycle for p in found[t].course.phases) for t in ("thermal cycling", "thermal vacuum")] == [16, 4]
     assert found.demonstration.startswith("demonstration: 56 assumed parameters, synthetic data")

@@ -187,5 +187,5 @@ def test_what_was_found_of_a_sensor_holds_in_a_verdict() -> None:
 def test_a_sensor_that_drives_a_boundary_is_refused() -> None:
     channel = Channel.of("ROOM", np.full(TIMES.size, 293.15), role="boundary", target="air", part=SensorPart(lag=20.0))
     data = record(readings(SensorPart()), None).with_channels(channel)
-    with pytest.raises(ThermidError, match=r"drive a boundary, where these cannot be taken into account\. Give it an accuracy"):
+    with pytest.raises(ThermidError, match=r", where these cannot be modelled\. Give it an accuracy that includes them instead\."):
         calibrate(part_model(), data, FREE)

@@ -52,7 +52,7 @@ def test_stages_are_run_from_the_page(shown: Page) -> None:
     assert shown.run(f"return {states}") == "new,new,waiting"
     shown.click("[data-stage=m_PrE]")
     shown.until("!document.getElementById('error').hidden")
-    assert "not done; run that first" in shown.text("#error")
+    assert "', which has not been run." in shown.text("#error")
     shown.click("#run-stage")
     shown.until(f"{states} === 'done,done,done'")
     shown.until("document.querySelector('[data-sensor=T_ELE]')")
@@ -253,7 +253,7 @@ def test_a_deck_with_an_error_is_said_at_its_stage(folder: Path, tmp_path: Path)
     with studio(str(tmp_path / "04_campaign" / "campaign.toml")) as address, page(address) as shown:
         assert shown.run("return document.querySelector('[data-stage=ProcSISNAV]').dataset.state") == "failed"
         shown.click("[data-stage=ProcSISNAV]")
-        shown.until("document.getElementById('error').textContent.includes(\"'nodess' is no field here. Did you mean 'nodes'?\")")
+        shown.until("document.getElementById('error').textContent.includes(\"'nodess' is not a field here. Did you mean 'nodes'?\")")
         deck.write_text(whole, encoding="utf-8")
         shown.click("#run-stage")  # mended, it runs without a new start
         shown.until("document.querySelector('[data-stage=ProcSISNAV]').dataset.state === 'done'")

@@ -32,6 +32,6 @@ def test_without_its_part_a_point_is_refused(point: str, monkeypatch: pytest.Mon
     for name in [n for n in sys.modules if n == part or n.startswith(f"{part}.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Without(part), *sys.meta_path])
-    with pytest.raises(td.ThermidError, match=rf"deck\.toml: {point} needs the part {part}, which is not installed"):
+    with pytest.raises(td.ThermidError, match=rf"deck\.toml: {point} needs the package {part}, which is not installed\."):
         extension(point, "deck.toml")
     assert f"{part}.{module}" not in sys.modules

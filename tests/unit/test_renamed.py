@@ -55,7 +55,7 @@ def objects() -> dict[str, Any]:
 def test_an_old_name_gives_what_the_new_one_does(objects: dict[str, Any], owner: str, old: str) -> None:
     new = RENAMED[owner][old]
     one = objects[owner]
-    with pytest.warns(DeprecationWarning, match=rf"'\.{old}' is called '.*{new.strip('[]')}.*' now; the old name goes with thermid"):
+    with pytest.warns(DeprecationWarning, match=rf"'\.{old}' was renamed to '.*{new.strip('[]')}.*'; the old name will be removed in"):
         found = getattr(one, old)
     np.testing.assert_equal(found, one[new[1:-1]] if new.startswith("[") else getattr(one, new))
 
@@ -75,7 +75,7 @@ def test_old_names_go_with_the_version_that_says_so() -> None:
 
 
 def test_limits_by_place_are_refused_in_words() -> None:
-    with pytest.raises(td.ThermidError, match=r"limits are a table, not '2 \[K\]': Criteria\(rmse="):
+    with pytest.raises(td.ThermidError, match=r"give limits as a table, not '2 \[K\]': Criteria\(rmse="):
         td.Criteria("1 [K]", "2 [K]")  # type: ignore[arg-type]
 
 

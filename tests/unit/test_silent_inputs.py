@@ -188,7 +188,7 @@ def test_a_duty_in_per_cent_that_is_taken_as_watts_is_questioned() -> None:
     _, deck, record = warm(3)
     channel = replace(record.channels["P"], values=np.where(record.channels["P"].values > 0, 50.0, 0.0), assumed=True)
     fit = td.calibrate(deck, record.with_channels(channel), ["skin.effective_htc"])
-    assert "is it a duty cycle in per cent?" in " ".join(str(fit).splitlines()[:4])
+    assert "it may be a duty cycle in per cent:" in " ".join(str(fit).splitlines()[:4])
     said = td.calibrate(deck, record.with_channels(replace(channel, assumed=False)), ["skin.effective_htc"])
     assert "per cent" not in str(said)
 
@@ -233,7 +233,7 @@ def test_the_blank_tail_of_a_channel_is_said() -> None:
     fit = td.calibrate(deck, record.mask("A", "1800 [s]", "end"), ["skin.effective_htc"])
     (row,) = [r for r in fit.inputs.rows if r.kind == "boundary"]
     assert row.source == "assumed"
-    assert "no valid sample in the last 1820 s: its last value is held to the end" in row.words
+    assert "no valid sample in the last 1820 s: its last value is used up to the end" in row.words
     assert "no valid sample in the last" in " ".join(str(fit).splitlines()[:4])
 
 

@@ -143,7 +143,7 @@ def test_below_0_k_is_still_refused() -> None:
     with pytest.raises(td.ThermidError, match="below 0 K"):
         td.Scenario("space", boundaries={"space": "-1 [K]"}, start="300 [K]", duration="1 [h]")
     scenario = td.Scenario("space", boundaries={"space": "0 [K]"}, start="-1 [K]", duration="1 [h]")
-    with pytest.raises(SolverError, match="must not lie below 0 K"):
+    with pytest.raises(SolverError, match="a temperature fell below 0"):
         td.simulate(ball(), scenario)
 
 
@@ -160,7 +160,7 @@ def test_nothing_changes_there_is_not_said_of_a_node_that_falls_by_50_k() -> Non
     )
     assert run["a"].celsius[-1] == pytest.approx(50.0, abs=1e-3)
     (said,) = [w for w in run.warnings if "no path" in w]
-    assert said == "'a', 'b' have no path to a boundary: the heat that is there stays there"
+    assert said == "'a', 'b' have no path to a boundary, so the heat stays there"
 
 
 def test_a_stream_that_leaves_cools_nothing_upstream() -> None:
@@ -181,11 +181,11 @@ def test_a_constant_load_does_not_grow_with_temperature(method: str) -> None:
     scenario = td.Scenario("space", boundaries={"space": "3 [K]"}, start="300 [K]", duration="100 [h]")
     with pytest.raises(SolverError) as caught:
         td.simulate(ball("-10 [W]"), scenario, options=td.Options(method=method))
-    assert "a negative power takes more than there is" in str(caught.value)
+    assert "the temperature rises without limit at 2" in str(caught.value)
     assert "grows" not in str(caught.value)
     with pytest.raises(SolverError) as caught:
         td.steady(ball("-10 [W]"), scenario)
-    assert "negative power that takes more than can flow in" in str(caught.value)
+    assert "no steady state was found above 0 K." in str(caught.value)
 
 
 def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> None:
@@ -195,7 +195,7 @@ def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> Non
     assert found.nusselt(1e6, 0.7, True) == pytest.approx(correlation("Nu_vertical_plate_Churchill").nusselt(1e6, 0.7, True), rel=1e-9)
     with pytest.raises(DeckError, match="'Nu_free_horizontal_plate' is for horizontal plates"):
         correlation("Nu_free_horizontal_plate")
-    with pytest.raises(DeckError, match=r"is for vertical plates, and the orientation is 'up'"):
+    with pytest.raises(DeckError, match=r"is for vertical plates, but the orientation is 'up'\."):
         correlation("Nu_free_vertical_plate", "up")
     with pytest.raises(DeckError, match="takes Pr, Gr, L, D"):
         correlation("Nu_vertical_cylinder_Al_Arabi_Khamis")
@@ -248,7 +248,7 @@ def test_a_blank_tail_of_the_simulation_does_not_agree() -> None:
     with pytest.raises(RecordError, match=r"simulated numbers of 'T1' run from 0 s to 3600 s, its readings from 0 s to 7200 s"):
         correlate((measured, log("run", np.where(early, truth, np.nan), early)), [ours], steady=LEVEL)
     hole = (MINUTES < 3600.0) | (MINUTES > 5400.0)
-    with pytest.raises(RecordError, match="no numbers for 'T1' between 3540 s and 5460 s, where there are readings"):
+    with pytest.raises(RecordError, match="no numbers for 'T1' between 3540 s and 5460 s, but the log has readings"):
         correlate((measured, log("run", np.where(hole, truth, np.nan), hole)), [ours], steady=LEVEL)
     with pytest.raises(RecordError, match="no simulated number at all"):
         correlate((measured, log("run", truth, np.zeros(MINUTES.size, dtype=bool))), [ours])

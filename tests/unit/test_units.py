@@ -119,15 +119,15 @@ def test_fahrenheit_sign_is_the_scale() -> None:
     [
         (
             "degC/min",
-            r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC is 1 K\.",
+            r"'\[degC/min\]' multiplies or divides the scale degC, which has an offset\. Write K: a difference of 1 degC equals 1 K\.",
         ),
         ("BTU/(h ft^2 degF)", r"multiplies or divides the scale degF.*Write degR"),
         ("W/degC", r"Write K"),
-        ("Wat", r"'\[Wat\]' is no unit that is known here"),
-        ("W/(m^2 k K", r"is no unit that is known here\. Did you mean 'W/\(m\^2 K\)'\?"),
-        ("m^", "is no unit"),
-        ("dBm", "is no unit"),
-        ("mol", r"a dimension that a thermal network has no use for: \[substance\]"),
+        ("Wat", r"'\[Wat\]' is not a known unit\. Did you mean 'atm'\?"),
+        ("W/(m^2 k K", r"'\[W/\(m\^2 k K\]' is not a known unit\."),
+        ("m^", r"'\[m\^\]' is not a known unit\."),
+        ("dBm", r"'\[m\^\]' is not a known unit\."),
+        ("mol", r"a dimension that does not occur in a thermal network: \[substance\]"),
     ],
 )
 def test_bad_units(text: str, message: str) -> None:
@@ -168,7 +168,7 @@ def test_bad_units(text: str, message: str) -> None:
 def test_a_unit_is_not_computed(text: str) -> None:
     """Towers of powers and code never reach pint's evaluator; what is refused is refused at once."""
     begun = time.process_time()
-    with pytest.raises(UnitError, match="is no unit that is known here") as caught:
+    with pytest.raises(UnitError, match=r"is not a known unit") as caught:
         unit(text)
     assert time.process_time() - begun < 2.0  # the first one loads pint
     assert len(str(caught.value)) < 400
@@ -186,7 +186,7 @@ def test_the_largest_exponent_is_named() -> None:
     [
         ("m", "m^2", r"'\[m\]' is a length; an area \[m\^2\] is needed here\."),
         ("W", "W/K", r"'\[W\]' is a power; a conductance \[W/K\] is needed here\."),
-        ("degC", "K", r"'\[degC\]' is a temperature on the scale; a difference is needed here\. Write it in \[K\]\."),
+        ("degC", "K", r"'\[degC\]' is a temperature in degC or degF; a temperature difference is needed here\. Write it in \[K\]\."),
         ("degC", "W", r"'\[degC\]' is a temperature; a power \[W\] is needed here\."),
         ("W", TEMPERATURE, r"'\[W\]' is a power; a temperature \[degC\] or \[K\] is needed here\."),
         ("1", "m", r"this is a plain number; a length \[m\] is needed here\."),

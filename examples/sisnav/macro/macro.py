@@ -2,7 +2,7 @@
 
 `python examples/sisnav/macro/macro.py` runs all of them and prints where the unit goes. In air the unit is as the document has it, one
 effective coefficient a surface. Ascent and coast need radiation by itself: there the unit is the study's second structure, whose decks
-lie in `../qualification/decks`. Values of the host are assumed and say so.
+lie in `../qualification/decks`. Values of the host are assumed and state this.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What the plan rests on, made from the study: `python examples/sisnav/qualification/make.py`.
 
 Writes the decks with convection and radiation apart, the values that the campaign on the virtual laboratory's logs found, and the logs of
-three environmental tests of the hidden unit, as its sensors would have read them. All of it is synthetic and says so.
+three environmental tests of the hidden unit, as its sensors would have read them. All of it is synthetic and states this.
 """
 
 from __future__ import annotations

@@ -7,20 +7,18 @@ programme holds the duties of the heaters over time.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from thermid.acquire.wire import rom_is_good
-from thermid.errors import MissingDataError, RecordError, refuse_unknown
+from thermid.errors import MissingDataError, RecordError
+from thermid.extensions import by_grammar
 from thermid.files import OWN, parse_toml, was_read, write_text
 from thermid.measure.amounts import amount
 from thermid.measure.record.sensor import ICE, SensorCertificate
+from thermid.toml_files import Places
 
-_SENSOR_KEYS = ("rom", "note", "certificate")
-_STEP_KEYS = ("at", "heater1", "heater2")
-_TOP = ("steps", "end", "title")
 _BROKEN = 5.0
 
 
@@ -59,7 +57,7 @@ def _content(place: Path, missing: str) -> dict[str, Any]:
     try:
         return parse_toml(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"it is no TOML: {error}.", place.name) from None
+        raise RecordError(f"it is not valid TOML: {error}.", place.name) from None
 
 
 def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
@@ -71,35 +69,33 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such sensor map. `thermid log --identify` makes one.")
-    tables = content.get("sensors")
-    if not isinstance(tables, Mapping) or not tables or set(content) != {"sensors"}:
-        raise RecordError('a sensor map has tables such as [sensors.T1] with rom = "28...", and nothing else.', place.name)
+    content = _content(place, "there is no such sensor map. Make one with `thermid log --identify`.")
+    tables = by_grammar("sensors", content, Places(place.name)).sensors
     out: dict[str, MappedSensor] = {}
     for name, table in tables.items():
         sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
         if sensor.rom in out:
-            raise RecordError(f"ROM {sensor.rom} is that of '{out[sensor.rom].name}' too.", f"{place.name}, sensors.{name}")
+            raise RecordError(
+                f"ROM {sensor.rom} is also given for '{out[sensor.rom].name}'. Correct one of them.", f"{place.name}, sensors.{name}"
+            )
         out[sensor.rom] = sensor
     return out
 
 
-def _sensor(name: str, table: object, where: str) -> MappedSensor:
+def _sensor(name: str, table: Any, where: str) -> MappedSensor:
     """Return one sensor of the file."""
-    if not isinstance(table, Mapping) or not isinstance(table.get("rom"), str):
-        raise RecordError('it needs rom = "28...", 16 hexadecimal digits as the board sends them.', where)
-    refuse_unknown(table, _SENSOR_KEYS, where)
-    rom = table["rom"].strip().upper()
+    rom = table.rom.strip().upper()
     if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
-        raise RecordError(f"ROM '{table['rom']}' is not 16 hexadecimal digits.", where)
+        raise RecordError(f"ROM '{table.rom}' is not 16 hexadecimal digits.", where)
     if not rom_is_good(rom):
         raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
-    certificate = SensorCertificate.read(table["certificate"], f"{where}.certificate") if "certificate" in table else None
+    certificate = SensorCertificate.read(table.certificate.written, f"{where}.certificate") if table.certificate else None
     if certificate is not None and abs(certificate.offset) > _BROKEN:
         raise RecordError(
-            f"its offset is {certificate.offset:g} K; a sensor that is off by more than {_BROKEN:g} K is broken.", f"{where}.certificate"
+            f"its offset is {certificate.offset:g} K; a sensor with an offset above {_BROKEN:g} K is defective. Replace it.",
+            f"{where}.certificate",
         )
-    return MappedSensor(name, rom, certificate, str(table.get("note", "")))
+    return MappedSensor(name, rom, certificate, table.note)
 
 
 def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
@@ -168,28 +164,22 @@ def load_programme(path: str | Path) -> Programme:
     RecordError        When it is no TOML, times do not increase, a duty is not 0 to 100 %, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such heater programme.")
+    content = _content(place, "the heater programme does not exist. Check the path.")
     was_read(place)
-    refuse_unknown(content, _TOP, place.name)
-    steps = content.get("steps")
-    if not isinstance(steps, list) or not steps:
-        raise RecordError('a programme has steps = [{ at = "0 [s]", heater1 = "40 [%]" }, ...].', place.name)
+    read = by_grammar("programme", content, Places(place.name))
     times: list[float] = []
     duties: list[tuple[int, int]] = []
     held = (0, 0)
-    for k, step in enumerate(steps):
+    for k, step in enumerate(read.steps):
         where = f"{place.name}, steps[{k}]"
-        if not isinstance(step, Mapping) or "at" not in step:
-            raise RecordError('a step needs a time: at = "10 [min]".', where)
-        refuse_unknown(step, _STEP_KEYS, where)
-        times.append(amount(step["at"], "s", f"{where}, at"))
+        times.append(amount(step.at, "s", f"{where}, at"))
         if times[-1] < 0 or (k and times[-1] <= times[-2]):
-            raise RecordError(f"its time {times[-1]:g} s does not follow {times[-2] if k else 0:g} s.", where)
-        held = (_duty(step.get("heater1"), held[0], f"{where}, heater1"), _duty(step.get("heater2"), held[1], f"{where}, heater2"))
+            raise RecordError(f"its time {times[-1]:g} s is not after {times[-2] if k else 0:g} s.", where)
+        held = (_duty(step.heater1, held[0], f"{where}, heater1"), _duty(step.heater2, held[1], f"{where}, heater2"))
         duties.append(held)
-    end = None if "end" not in content else amount(content["end"], "s", f"{place.name}, end")
+    end = None if read.end is None else amount(read.end, "s", f"{place.name}, end")
     if end is not None and end <= times[-1]:
-        raise RecordError(f"its end, {end:g} s, does not follow its last step, {times[-1]:g} s.", place.name)
+        raise RecordError(f"its end, {end:g} s, is not after its last step, {times[-1]:g} s.", place.name)
     return Programme(tuple(times), tuple(duties), end)
 
 

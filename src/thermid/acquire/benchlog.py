@@ -87,11 +87,11 @@ class LogFile:
     def _opened(self) -> int:
         """Return the file, open."""
         if not self.path.absolute().parent.is_dir():
-            raise RecordError(f"there is no folder '{self.path.parent}'. Make it first.", str(self.path))
+            raise RecordError(f"there is no folder '{self.path.parent}'. Create it first.", str(self.path))
         # an empty file is taken for a new log; thermid.toml, which marks the root of a project, may be empty too, under any name
         linked = self.path.exists() and self.path.stat().st_size == 0 and self.path.stat().st_nlink > 1
         if self.path.resolve().suffix == ".toml" or linked:
-            why = "it has another name too, so it is no new log" if linked else "a log is no TOML file"
+            why = "the file has another link, so it is not a new log" if linked else "a log cannot be a TOML file"
             raise RecordError(f"{why}. Give another name, such as bench.csv; nothing was written.", str(self.path))
         try:
             return os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
@@ -106,13 +106,13 @@ class LogFile:
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
-                raise RecordError("another logger writes to it. Stop that one, or give another file.", self.path.name) from None
+                raise RecordError("another logger is writing to it. Stop that one, or give another file.", self.path.name) from None
         data = self.path.read_bytes()
         if not data:
             self._put(f"{MAGIC}\n".encode())
             return 1, False
         if not is_bench_log(data) and not f"{MAGIC}\n".encode().startswith(data):
-            raise RecordError("it is not empty and no log of the bench. Give another file; nothing was written.", self.path.name)
+            raise RecordError("it is not empty and not a log of the bench. Give another file; nothing was written.", self.path.name)
         self.trip = _trip(data)
         cut = not data.endswith(b"\n")
         if cut:
@@ -245,7 +245,7 @@ def clocks(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[list[float
     if len(runs) > 1:
         notes.append(f"resets of the board: {len(runs) - 1}")
     if lost:
-        notes.append(f"lines of the board that are missing: {lost}")
+        notes.append(f"missing lines of the board: {lost}")
     if drifts:
         notes.append(_drift(drifts))
     return moments, notes
@@ -255,7 +255,7 @@ def _drift(drifts: Sequence[float]) -> str:
     """Return the drift of the board's clock in words."""
     rate = drifts[-1]
     if abs(rate - 1.0) > _NOT_A_CLOCK:
-        return f"the board's clock runs {1.0 / rate:.3g} times as fast as the host's: a simulated board, times are its own"
+        return f"the board's clock runs {1.0 / rate:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
     return f"the board's clock is {(rate - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected"
 
 
@@ -273,8 +273,12 @@ def _session_starts(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[d
         start = wall - origin if wall is not None and origin is not None else None
         if start is None or start < end:
             if starts:
-                why = "is not in the log" if wall is None else "lies before the end of the one before: the host's clock was set back"
-                notes.append(f"the start of session {session} {why}; it follows at once")
+                why = (
+                    "is not in the log"
+                    if wall is None
+                    else ("is before the end of the previous session, because the host's clock was set back")
+                )
+                notes.append(f"the start of session {session} {why}; it is placed directly after it")
             start = end
         starts[session] = start
         end = start + last[session]
@@ -361,7 +365,7 @@ def bench_cells(data: bytes, file: str) -> Cells:
     values = [each for each in log.heard if each.line.kind == "D"]
     if not values:
         lost = f"; {len(log.damaged)} lines are damaged" if log.damaged else ""
-        raise RecordError(f"the log holds no value yet{lost}.", file)
+        raise RecordError(f"the log has no values yet{lost}.", file)
     notes = _damage(log)
     moments, of_clock = clocks(log.heard, log.walls)
     rows = {moment: row for row, moment in enumerate(sorted({moments[at] for at, each in enumerate(log.heard) if each.line.kind == "D"}))}
@@ -409,7 +413,7 @@ def _read(text: str) -> _Log:
             elif line and not line.startswith("#"):
                 match = _BODY.match(unsealed(line, " "))
                 if match is None:
-                    raise RecordError("it is no line of a log.")
+                    raise RecordError("it is not a line of a log.")
                 log.heard.append(Heard(int(match[1]), float(match[2]), at, parse_line(match[3])))
         except (RecordError, ValueError, KeyError, TypeError):
             log.damaged.append(at)
@@ -435,7 +439,7 @@ def _damage(log: _Log) -> list[str]:
     """Put lines in the order in which they were heard, drop repeats, and return what was wrong."""
     notes = []
     if log.cut:
-        notes.append("the last line is cut short and was dropped")
+        notes.append("the last line is incomplete and was dropped")
     if log.damaged:
         shown = ", ".join(map(str, log.damaged[:_SHOWN])) + (", ..." if len(log.damaged) > _SHOWN else "")
         notes.append(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})")
@@ -443,9 +447,9 @@ def _damage(log: _Log) -> list[str]:
     moved = sum(one is not other for one, other in zip(ordered, log.heard, strict=True))
     kept = [each for k, each in enumerate(ordered) if not k or each[:2] != ordered[k - 1][:2] or each.line != ordered[k - 1].line]
     if moved:
-        notes.append(f"lines that stood out of order and were put back: {moved}")
+        notes.append(f"lines out of order that were sorted: {moved}")
     if len(kept) < len(ordered):
-        notes.append(f"lines that stood twice: {len(ordered) - len(kept)}")
+        notes.append(f"duplicate lines: {len(ordered) - len(kept)}")
     log.heard[:] = kept
     if log.marks:
         notes.append("marks of the logger: " + ", ".join(f"{word} {count}" for word, count in sorted(log.marks.items())))
@@ -497,7 +501,7 @@ class _Columns:
             if "offset_K" in known:
                 paper = {key: float(known[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
                 self.certificates[name] = SensorCertificate(**paper, date=str(known["date"]))
-                notes.append(f"{name}: its certificate in the log, of {known['date']}, says {paper['offset']:+g} K")
+                notes.append(f"{name}: its certificate in the log, of {known['date']}, states {paper['offset']:+g} K")
         absent = sorted(set(range(self.rows)) - set(lines))
         if absent:
             reasons["no sample here"] = absent

@@ -40,25 +40,28 @@ def tell_apart(
     RecordError   When no sensor answers.
     """
     roms = _sensors(log)
-    say(f"{len(roms)} sensors answer. Warm one of them between two fingers.")
+    say(f"{len(roms)} sensors respond. Warm one of them between two fingers.")
     mapped: list[MappedSensor] = []
     while len(mapped) < len(roms):
         unmapped = [rom for rom in roms if rom not in {each.rom for each in mapped}]
         rom = unmapped[0] if len(unmapped) == 1 else _warmed(log, unmapped, patience)
         if rom is None:
-            say(f"nothing became warmer by {_RISE:g} K within {patience:g} s; {len(unmapped)} sensors stay without a name.")
+            say(
+                f"no sensor became warmer by {_RISE:g} K within {patience:g} s, so {len(unmapped)} sensors have no name. Run the "
+                "command again to name them."
+            )
             break
         if rom in log.sensors:
             say(f"this is '{log.sensors[rom].name}' so far.")
         name = ask(f"{rom}: name of its channel").strip()
         if not name or any(each.name == name for each in mapped):
-            say("a name is needed, and each once.")
+            say("give each sensor a different name.")
             continue
         old = log.sensors.get(rom)
         mapped.append(MappedSensor(name, rom, old.certificate if old is not None else None, old.note if old is not None else ""))
         save_sensor(path, mapped[-1])
         if len(mapped) < len(roms):
-            say(f"'{name}' is written. Warm the next one." if len(unmapped) > 2 else f"'{name}' is written. The last one is left.")
+            say(f"'{name}' is saved. Warm the next one." if len(unmapped) > 2 else f"'{name}' is saved. One sensor is left.")
     return mapped
 
 
@@ -73,7 +76,7 @@ def _sensors(log: Logger) -> list[str]:
         listed |= begun and line is not None and line.kind == "C"
         roms = set(log.state.bits)
     if not roms:
-        raise RecordError("no sensor answers. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.", "bench")
+        raise RecordError("no sensor responds. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.", "bench")
     return sorted(roms)
 
 
@@ -111,10 +114,12 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
     half = values.size // 2
     drift = float(values[half:].mean() - values[:half].mean())
     if abs(drift) > resolution:
-        raise RecordError(f"it still drifts, by {drift:+.3f} K between both halves. Wait until it has settled, and stir.", "ice point")
+        raise RecordError(f"it still drifts, by {drift:+.3f} K between both halves. Wait until it is steady, and stir.", "ice point")
     mean = float(values.mean())
     if abs(mean) > _FAR:
-        raise RecordError(f"it shows {mean:.2f} degC. Is it in the ice water? A good sensor is within {_FAR:g} K.", "ice point")
+        raise RecordError(
+            f"it shows {mean:.2f} degC. A good sensor reads within {_FAR:g} K of zero. Check that it is in the ice water.", "ice point"
+        )
     # a quantised reading that does not move is uncertain by its step over sqrt(12), however long it is read
     error = sqrt(_BATH**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)
     return SensorCertificate(mean, error, ICE, when)
@@ -137,7 +142,10 @@ def ice_point(
     RecordError   When no sensor answers.
     """
     roms = _sensors(log)
-    say("Crushed ice of clean water, water just to its top, stirred; sensors in its middle, ten minutes at least.")
+    say(
+        "Fill a vessel with crushed ice of clean water, add water up to the top of the ice, and stir. Put the sensors in the middle "
+        "and wait at least ten minutes."
+    )
     if not confirm(f"Are all {len(roms)} sensors in it?"):
         return []
     taken: dict[str, list[float]] = {rom: [] for rom in roms}
@@ -164,5 +172,5 @@ def ice_point(
         old = log.sensors.get(rom, MappedSensor(rom, rom))
         sensors.append(MappedSensor(old.name, rom, certificate, old.note))
         save_sensor(path, sensors[-1])
-        say(f"{old.name}: it shows {certificate.offset:+.3f} K too much, +- {certificate.uncertainty:.3f} K; written")
+        say(f"{old.name}: it shows {certificate.offset:+.3f} K too high, +- {certificate.uncertainty:.3f} K; written")
     return sensors

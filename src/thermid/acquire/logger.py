@@ -31,12 +31,12 @@ _TRIES = 5
 _WORDS = {
     "crc": "three readings with a wrong CRC",
     "lost": "nothing answers",
-    "short": "the bus is held low",
-    "power": "it was without supply and may show 85 degC",
-    "range": "its value lies outside -55 to 125 degC",
-    "over": f"{MOST_CURRENT:g} A, the most that it can measure, is reached",
-    "absent": "it is in the map and does not answer",
-    "85": "it shows the 85 degC of power-up",
+    "short": "the bus is stuck low",
+    "power": "it was without supply and may read 85 degC",
+    "range": "its value is outside -55 to 125 degC",
+    "over": f"{MOST_CURRENT:g} A, its full scale, is reached",
+    "absent": "it is in the sensor map but does not respond",
+    "85": "it reads 85 degC, its value after power-up",
 }
 _QUIET = ("count",)
 _LATE = 900
@@ -69,7 +69,7 @@ class Settings:
             ("silence", self.silence, 0.2, 3600.0),
         ):
             if not low <= value <= high:
-                raise RecordError(f"{word} = {value:g} lies outside {low:g} to {high:g}.", "settings")
+                raise RecordError(f"{word} = {value:g} is outside {low:g} to {high:g}.", "settings")
 
     def commands(self) -> list[str]:
         """Return the commands that a board needs after a reset."""
@@ -192,7 +192,7 @@ class FaultWatch:
         """Return the marks that a line asks for: word and text."""
         if line.kind == "E" and line.fields[0] not in _QUIET:
             if line.fields[0] == "latched":
-                return [("latched", f"heaters stay off since they were cut off ({line.fields[1]}), until --clear-latch")]
+                return [("latched", f"heaters stay off after the cut-off ({line.fields[1]}) until --clear-latch")]
             detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
             return [(line.fields[0], f"reported by the board{' of ' + detail if detail else ''}")]
         if line.kind in "BSC":
@@ -235,7 +235,7 @@ class FaultWatch:
         self._told = absent | unnamed
         self.faults |= dict.fromkeys(absent, "absent")
         return [("absent", f"{self._name(rom)} (ROM {rom}): {_WORDS['absent']}") for rom in sorted(absent)] + [
-            ("unnamed", f"{rom} answers and is not in the map") for rom in sorted(unnamed)
+            ("unnamed", f"{rom} responds but is not in the sensor map. Add it to the map to record it by name") for rom in sorted(unnamed)
         ]
 
 
@@ -356,7 +356,7 @@ class Logger:
         if clear_latch:
             self.mark("cleared", f"heaters are allowed again by --clear-latch; cut off before: {self.store.trip or 'nothing in this log'}")
         if self.store.was_cut:
-            self.mark("cut", "the last line of the session before was not finished")
+            self.mark("cut", "the last line of the previous session was incomplete")
 
     def name_of(self, source: str) -> str:
         """Return the name of a channel."""
@@ -397,7 +397,7 @@ class Logger:
             self._link.failed.clear()
         quiet = self.elapsed - self.state.heard > max(5.0, 3.0 * self.settings.interval)
         if quiet and not self._quiet:
-            self.mark("quiet", "nothing comes from the board")
+            self.mark("quiet", "no data from the board")
         self._quiet = quiet
         return line
 
@@ -458,7 +458,7 @@ class Logger:
         self._port.close()
         self._port = None
         self._gone = self.elapsed
-        self.mark("port-gone", str(error) or "the port is gone")
+        self.mark("port-gone", str(error) or "the port was disconnected")
 
     def _take(self, data: bytes) -> BoardLine | None:
         """Put what was read on disk, then look at it."""
@@ -514,7 +514,7 @@ class Logger:
                 cause = line.fields[2] if line.kind == "B" else "unknown"
                 state.seconds += max(0.0, elapsed - state.heard)
                 state.missing += line.number
-                self.mark("reset", f"the board began again (cause: {cause})")
+                self.mark("reset", f"the board restarted (cause: {cause})")
                 self._link.connected()
         state.number, state.ms, state.heard, state.lines = line.number, line.ms, elapsed, state.lines + 1
 
@@ -522,7 +522,10 @@ class Logger:
         """Mark a jump of the host's clock, and its time now and then."""
         offset = self._wall() - self._clock()
         if abs(offset - self._offset) > _JUMP:
-            self.mark("clock", f"the host's clock jumped by {offset - self._offset:+.1f} s to {self._stamp()}; stamps do not follow")
+            self.mark(
+                "clock",
+                f"the host's clock jumped by {offset - self._offset:+.1f} s to {self._stamp()}. The time stamps do not include this jump",
+            )
             self._offset = offset
         if self.elapsed - self._walled >= _WALL_EVERY:
             self._walled, self._offset = self.elapsed, offset
@@ -538,13 +541,13 @@ class Logger:
         self.store.retry()
         if not self.store.full:
             self._full = False
-            self.mark("disk-back", f"what waited is written, {self.store.dropped} lines had no room")
+            self.mark("disk-back", f"the waiting lines are written; {self.store.dropped} lines were lost for lack of memory")
 
 
 def _cut_off(why: str, where: str) -> RecordError:
     """Return the refusal to heat what was cut off."""
     return RecordError(
-        f"the board has cut heaters 1 and 2 off: {why}. They stay off. Find out why and look at the hardware; then allow them again with "
-        "--clear-latch (clear_latch=True), or log without a heater programme.",
+        f"the board has cut heaters 1 and 2 off: {why}. They stay off. Find the cause and check the hardware; then allow them again "
+        "with --clear-latch (clear_latch=True), or log without a heater programme.",
         where,
     )

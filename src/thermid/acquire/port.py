@@ -22,7 +22,7 @@ def _serial() -> Any:
     try:
         import serial
     except ImportError:
-        raise ThermidError("pyserial is missing. Install thermid with its extra: thermid[log].", "serial port") from None
+        raise ThermidError("pyserial is not installed. Install it with: pip install thermid[log]", "serial port") from None
     return serial
 
 
@@ -58,13 +58,13 @@ def check_port(name: str) -> None:
     except OSError as error:
         number, said = error.errno, str(error)
         if number == errno.ENOENT:
-            text = "there is no such port. Plug the board in, leave --port out, or try it with --simulate."
+            text = "the port does not exist. Connect the board, leave --port out, or try it with --simulate."
         elif number == errno.EACCES:
-            text = "you may not open it. On Linux, join its group (`sudo usermod -aG dialout $USER`) and log in again."
+            text = "you have no permission to open it. On Linux, join its group (`sudo usermod -aG dialout $USER`) and log in again."
         elif number == errno.EBUSY or "exclusively" in said:
-            text = "another program has it open. Close that one first, such as the monitor of the Arduino IDE."
+            text = "another program uses it. Close that one first, such as the monitor of the Arduino IDE."
         else:
-            text = f"it is no serial port ({said})."
+            text = f"it is not a serial port ({said})."
         raise RecordError(text, name) from None
 
 
@@ -93,7 +93,7 @@ class Port:
 
         Raises
         ------
-        OSError   When the port is gone.
+        OSError   When the port was disconnected.
         """
         until = time.monotonic() + timeout
         while True:
@@ -122,7 +122,7 @@ class Port:
                 # a serial line whose device was unplugged reads empty at once
                 remaining = until - time.monotonic()
                 if remaining > 0 and select.select([self._fd], [], [], remaining)[0] and not (byte := os.read(self._fd, 1)):
-                    raise OSError("the port is gone")
+                    raise OSError("the port was disconnected")
             return byte
 
     def write(self, text: str) -> None:
@@ -130,7 +130,7 @@ class Port:
 
         Raises
         ------
-        OSError   When the port is gone or takes nothing.
+        OSError   When the port was disconnected or takes nothing.
         """
         self._serial.write(text.encode() + b"\n")
 

@@ -89,7 +89,7 @@ def unsealed(text: str, mark: str = "*") -> str:
     if not sign:
         raise RecordError("it has no CRC.")
     if crc != crc16(body):
-        raise RecordError(f"its CRC is {crc[:8]!r}, its text gives {crc16(body)}.")
+        raise RecordError(f"its CRC is {crc[:8]!r}, but its text has {crc16(body)}.")
     return body
 
 
@@ -107,18 +107,18 @@ def parse_line(text: str) -> BoardLine:
         if (status in ("ok", "power")) != bool(raw):
             raise RecordError(f"a value with status '{status}' {'has no' if not raw else 'cannot have a'} raw value.")
         if len(source) == 16 and not rom_is_good(source):
-            raise RecordError(f"ROM {source} does not carry its own CRC.")
+            raise RecordError(f"ROM {source} has a wrong CRC.")
         return _checked(BoardLine("D", int(number), int(ms), (source, raw or "", status)))
     other = _OTHER.match(body)
     if other is None:
-        raise RecordError(f"'{body[:40]}' is no line of the protocol.")
+        raise RecordError(f"'{body[:40]}' is not a line of the protocol.")
     kind, number, ms, rest = other.groups()
     fields = tuple(rest.split(","))
     least, most = _FIELDS[kind]
     if not least <= len(fields) <= most:
         raise RecordError(f"a line {kind} has {least} to {most} fields, this one {len(fields)}.")
     if kind == "S" and not (re.fullmatch("[0-9A-F]{16}", fields[0]) and rom_is_good(fields[0]) and fields[1] in ("9", "10", "11", "12")):
-        raise RecordError(f"'{rest[:40]}' is no ROM with a resolution.")
+        raise RecordError(f"'{rest[:40]}' is not a ROM with a resolution.")
     return _checked(BoardLine(kind, int(number), int(ms), fields))
 
 

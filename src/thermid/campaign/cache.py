@@ -75,7 +75,7 @@ def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str
         names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
         return (*names, *(["code"] if kept["code"] != code_digest() else []))
     except (ValueError, KeyError, TypeError, AttributeError):
-        return ("the kept file is damaged",)
+        return ("the cached file is damaged",)
 
 
 def remember(

@@ -7,10 +7,11 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from thermid.campaign.cache import file_name, log_kept
 from thermid.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
@@ -75,7 +76,8 @@ class CampaignSource:
                 if own in out and out[own][0] != file:
                     where = self.where(f"records.{name}")
                     raise DeckError(
-                        f"two logs give a record '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a name by `file`.",
+                        f"two logs give a record with the name '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a "
+                        "name by `file`.",
                         where,
                     )
                 out[own] = (file, table)
@@ -92,7 +94,7 @@ class CampaignSource:
     def _files_of(self, name: str, table: RecordTable) -> list[tuple[str, Path]]:
         """Return the names of the records of a table, each with its file."""
         if (table.file is None) == (table.files is None):
-            raise DeckError("a record has `file`, or `files` with patterns; one of them.", self.where(f"records.{name}"))
+            raise DeckError("give a record either `file`, or `files` with patterns.", self.where(f"records.{name}"))
         if table.file is not None:
             return [(name, self._find(name, table.file, table)[0])]
         patterns = [table.files] if isinstance(table.files, str) else table.files or []
@@ -167,8 +169,8 @@ class CampaignSource:
             raw = read_record(path, table.channels, **read)
             if known is not None and not raw.origin.sha256.startswith(known):
                 raise RecordError(
-                    f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: "
-                    f"this is not the log that the campaign was made for.{f' {table.get}' if table.get else ''}",
+                    f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: this log differs from the one "
+                    f"that the campaign was written for.{f' {table.get}' if table.get else ''}",
                     where,
                 )
             return raw.prepare(table.prepare)
@@ -179,7 +181,7 @@ class CampaignSource:
         """Return a record with the logs beside it, where the campaign names some; one whose clock the fit finds comes last."""
         several = table.joined if isinstance(table.joined, list) else [table.joined] if table.joined is not None else []
         if several and table.files is not None:
-            raise DeckError("a pattern of files cannot be joined with one log. Give each log a record of its own by `file`.", where)
+            raise DeckError("a pattern of files cannot be joined with one log. Give each log a separate record by `file`.", where)
         for k, one in enumerate(sorted(several, key=lambda t: not (isinstance(t.offset, str) and isinstance(t.rate, float)))):
             other, offset, place = one.record, one.offset, f"{where}.joined" + (f".{k}" if len(several) > 1 else "")
             if other not in self.names() or self.names()[other][1].joined is not None:
@@ -214,7 +216,8 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
     (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command", "prescribed")] or [("", "")]
     if not role or more or set(target) - {role, "gain"}:
         raise RecordError(
-            f"a binding has one of node, boundary, load, command and prescribed, and for a load a gain; not {', '.join(target)}.",
+            "give a binding exactly one of node, boundary, load, command and prescribed, and for a load a gain; given: "
+            f"{', '.join(target)}.",
             channel.name,
         )
     return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
@@ -222,7 +225,7 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
 
 def scenario_of(table: ScenarioTable, title: str) -> Scenario:
     """Return the scenario that a stage or verdict gives for what its logs do not say."""
-    return Scenario(title, **table.model_dump())
+    return Scenario(title, **table.written)
 
 
 def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
@@ -246,26 +249,14 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     content, lines = read_toml(target)
     if "stages" not in content and ("nodes" in content or "submodels" in content):
         raise DeckError("this is a deck. A campaign has records and stages, and names the deck of each stage under 'model'.", target.name)
-    checked: CampaignFile = by_grammar("CampaignFile", content, Places(target.name, lines))
+    checked: CampaignFile = by_grammar("campaign", content, Places(target.name, lines))
     logs = data if data is not None else os.environ.get(DATA)
     folder = Path(logs).resolve() if logs else None
     if folder is not None and not folder.is_dir():
-        raise MissingDataError(f"the data folder '{folder.name}' is not there. Give another with --data or {DATA}.", target.name)
+        raise MissingDataError(f"the data folder '{folder.name}' does not exist. Give another one with --data or {DATA}.", target.name)
     source = CampaignSource(target, checked, lines, folder)
     _check_order(source, checked.stages, checked.verdicts)
     return source
-
-
-def by_grammar(grammar: Literal["CampaignFile", "StudyFile"], content: Mapping[str, Any], where: Places) -> Any:
-    """Return the content of a file as its grammar has it.
-
-    Raises
-    ------
-    DeckError   When it does not follow the grammar, with every fault and its place.
-    """
-    from thermid.campaign import schema  # pydantic waits until a file is read
-
-    return getattr(schema, grammar).from_file(content, where)
 
 
 def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
@@ -293,7 +284,7 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
             raise DeckError(f"stages '{twin}' and '{stage.name}' would be saved under one file name.", source.where(f"stages.{k}.name"))
         if stage.values and (stage.records or stage.free or stage.steady or stage.priors):
             raise DeckError(
-                "a stage takes `values` tuned by hand or fits records, not both. Make two of it.",
+                "a stage either has `values` tuned by hand or fits records. Define two stages.",
                 source.where(f"stages.{k}.values"),
             )
         if not (stage.values or stage.records):
@@ -301,7 +292,7 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
         for part, inherit in stage.inherit.items():
             for below in (name for name in inherit.stages if name not in done):
                 raise DeckError(
-                    f"'{part}' inherits from stage '{below}', which does not come before.{nearest(below, done)}",
+                    f"'{part}' inherits from stage '{below}', which is not an earlier stage.{nearest(below, done)}",
                     source.where(f"stages.{k}.inherit"),
                 )
         done.append(stage.name)
@@ -310,5 +301,5 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
         refuse_unknown([verdict.model], done, source.where(f"verdicts.{k}.model"), "no stage '{}'.", DeckError)
         if verdict.values == "joint" and source.content.joint is None:
             raise DeckError(
-                "it judges the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")
+                "this verdict is about the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")
             )

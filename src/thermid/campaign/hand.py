@@ -48,7 +48,7 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
         return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
     rows = data.get("values", {k: v for k, v in data.items() if k not in ("title", "note")})
     if not rows:
-        raise DeckError(f'\'{path.name}\' gives no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
+        raise DeckError(f'\'{path.name}\' holds no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
     with errors_at(f"{where}, {path.name}"):
         return _store({k: _given(k, v, where) for k, v in rows.items()}, model, ValueOrigin("hand", stage, (), key))
@@ -73,7 +73,12 @@ def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOri
         sizes.append(size)
         sources.append(source)
     left_out = tuple(
-        LeftOut(f"'{p}' was tuned by hand at stage '{origin.stage}' without an error") for p, s in states.items() if not s.known
+        LeftOut(
+            f"'{p}' was tuned by hand at stage '{origin.stage}' without an error, so the errors here are too small. Give "
+            f"{{ value, sd }} there"
+        )
+        for p, s in states.items()
+        if not s.known
     )
     whole = Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left_out)
     return whole.trimmed()
@@ -143,7 +148,7 @@ def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> File
     store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
     lacks = tuple(x.what for x in store.left_out if "(schema 1)" in x.what)
     known = store if keep else store.matching(part)
-    gone = tuple(f"{d.path} = {d.text} of {d.origin} is left out: {d.why}." for d in known.dropped[len(store.dropped) :])
+    gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in known.dropped[len(store.dropped) :])
     placed: Store = graft(model, [(at, known)])[0] if at else known
     laid = placed.on(model)
     return Filed(laid, values_of(known, stage), lacks, gone, placed.acting_in(laid)[1])

@@ -345,7 +345,7 @@ def _once(requests: Mapping[str, Request]) -> tuple[list[Level], list[str]]:
         own = tuple(r for r in request.records if r.origin.sha256 not in taken)
         for r in request.records:
             if r not in own:
-                remarks.append(f"record '{r.name}' is used by '{name}' and '{taken[r.origin.sha256]}'; it counts once, in the latter.")
+                remarks.append(f"record '{r.name}' is used by '{name}' and '{taken[r.origin.sha256]}'. It is counted once, in the latter.")
         taken |= {r.origin.sha256: name for r in own}
         out.insert(0, Level(name, replace(request, records=own)))
     return out, remarks
@@ -369,9 +369,13 @@ def _uncounted(running: Sequence[Level], shared: Shared) -> tuple[str, ...]:
                 fixed.setdefault((s.origin.stage, s.value), (str(s.origin), s.path))
             elif s.origin.stage not in stages:
                 lost.setdefault((s.origin.stage, s.value), (str(s.origin), shared.name_of(level, s.acts[0])))
-    exact = [f"the joint fit takes {names} of {who} as exact: its errors do not count theirs." for who, names in _listed(fixed.values())]
-    none = "is no prior of the joint fit, for none of its records is in it."
-    return (*exact, *(f"what {who} found of {names} {none}" for who, names in _listed(lost.values())))
+    exact = [
+        f"the joint fit keeps {names} of {who} fixed, so its standard errors do not include theirs and are too small. Free them "
+        "in the joint fit if that matters."
+        for who, names in _listed(fixed.values())
+    ]
+    none = "is not a prior of the joint fit, because none of its records is part of it."
+    return (*exact, *(f"the result of {who} for {names} {none}" for who, names in _listed(lost.values())))
 
 
 def _listed(several: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -418,7 +422,7 @@ def _unfrozen(shared: Shared, freeze: Sequence[str], where: str) -> Shared:
     for name in freeze:
         hits = matching(name, names, f"{where}.freeze") if is_glob(name) else [n for n in names if n == name]
         if not hits:
-            raise IdentificationError(f"'{name}' is frozen, but nothing of that name is free.{nearest(name, names)}", f"{where}.freeze")
+            raise IdentificationError(f"'{name}' is listed as frozen, but it is not free.{nearest(name, names)}", f"{where}.freeze")
         gone |= set(hits)
     return shared.without(gone)
 
@@ -442,7 +446,7 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
             prior = prior_of(own, texts)
             if name in stated and stated[name] != prior and name not in table.priors:
                 raise IdentificationError(
-                    f"stages '{said[name]}' and '{level.name}' state different priors of '{name}'. Say which holds under [joint] priors.",
+                    f"stages '{said[name]}' and '{level.name}' state different priors of '{name}'. State one under [joint] priors.",
                     where,
                 )
             stated[name], said[name] = prior, level.name

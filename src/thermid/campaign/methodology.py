@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.campaign.file import by_grammar, read_campaign
+from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign
 from thermid.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.judge.metrics import Residuals, metric
@@ -203,7 +204,9 @@ class Study:
             path = self.model.canonical(text)
             if path in known:
                 return path
-        raise NameNotFoundError(f"nothing is called '{name}'.{nearest(name, [*known, *self.components, *self.model.aliases])}", self.title)
+        raise NameNotFoundError(
+            f"there is no '{name}' in the model.{nearest(name, [*known, *self.components, *self.model.aliases])}", self.title
+        )
 
     @takes_objects
     def log(self, campaign: Campaign) -> tuple[LogEntry, ...]:
@@ -273,13 +276,16 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     data, lines = read_toml(target)
 
     where = Places(target.name, lines)
-    content: StudyFile = by_grammar("StudyFile", data, where)
+    content: StudyFile = by_grammar("study", data, where)
     for k, key in enumerate(content.procedure.metrics):
         metric(key, where(f"procedure.metrics.{k}"))
     if not content.knowledge.use.strip():
-        raise DeckError("a study needs the intended use of its model; it decides the box colours and the criteria.", where("knowledge.use"))
+        raise DeckError(
+            "the intended use of the model is missing. It decides the box colours and the criteria; give it under [knowledge].",
+            where("knowledge.use"),
+        )
     if not content.components:
-        raise DeckError("a study needs its components: the physical items, each with its place in the model.", where("components"))
+        raise DeckError("the components are missing. List the physical items, each with its place in the model.", where("components"))
     model = load_model(resolve_inside(target.parent, content.knowledge.model, where("knowledge.model")))
     components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
     _all_belong(model, components, where("components"))
@@ -314,7 +320,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
     path = model.canonical(table.at)
     known = {*part_boxes(model), *Names(model).nodes} - {""}
-    refuse_unknown([path], known, where, f"'{name}' stands at '{table.at}', which the model does not have.", NameNotFoundError)
+    refuse_unknown([path], known, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
     low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
     return Component(path, table.what, low, high, table.basis)
 
@@ -327,7 +333,7 @@ def _all_belong(model: Model, components: Mapping[str, Component], where: str) -
         holders = [n for n, c in components.items() if c.holds(path)]
         if len(holders) != 1:
             said = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
-            raise DeckError(f"node '{path}' of the model {said}. Give every mass one physical item.", where)
+            raise DeckError(f"node '{path}' of the model {said}. Assign every mass to one component.", where)
 
 
 def _sensor(table: SensorTable, where: str) -> SensorSpec:
@@ -363,5 +369,6 @@ def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
             thermometer = isinstance(target, Mapping) and bool({"node", "boundary"} & set(target))
             if thermometer and not any(fnmatch.fnmatchcase(channel, p) for p in patterns):
                 raise DeckError(
-                    f"channel '{channel}' of record '{name}' has no sensor behind it. Add it to the channels of one.", where("sensors")
+                    f"channel '{channel}' of record '{name}' belongs to no sensor of the study. Add it to the channels of one.",
+                    where("sensors"),
                 )

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 FELT = 0.05
 """A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
 START = "start after a replacement"
-CARRIED = "carried over a swap: its model has the new part, its values and statistics are those of the tests before."
+CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
 STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
 
@@ -179,16 +179,16 @@ class RetunePlan(Result):
     def assumes(self) -> tuple[str, ...]:
         """What the plan takes for granted of the new part and its place, in words."""
         tested = any(s.alone for s in self.stages)
-        own = "its own test is due" if tested else "no stage tests it alone"
+        own = "its own test must be repeated" if tested else "no stage tests it alone"
         return (f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}", *self.replacement.assumes[1:])
 
     def __str__(self) -> str:
         """Return the plan as text."""
         lines = [f"{self.part}: {self.old} -> {self.new}", "  assumed:", *(f"    {a}" for a in self.assumes)]
-        lines += ["  dropped with the old part:"] * bool(self.replacement.dropped)
+        lines += ["  removed with the old part:"] * bool(self.replacement.dropped)
         lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
         if self.replacement.untied:
-            lines.append(f"  no longer one value with a twin's: {', '.join(self.replacement.untied)}")
+            lines.append(f"  no longer shared with other instances: {', '.join(self.replacement.untied)}")
         lines.append(f"  retuned: {len(self.freed)} interface values, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
             what = "freed" if not t.held else f"fixed: {t.held}"
@@ -199,7 +199,7 @@ class RetunePlan(Result):
             lines.append(f"    {s.name}: {s.action}{changed}, {s.why}")
         total = len(self.tests) + len(self.kept_tests)
         lines.append(f"  tests to repeat: {len(self.tests)} of {total}: {', '.join(self.tests)}")
-        lines.append("  neighbours, exposed area before -> after; what they convect with is not freed:")
+        lines.append("  neighbours, exposed area before -> after; their convection coefficients stay fixed:")
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
         return self.standing.over("\n".join([*lines, *self._at_rest()]))
@@ -231,7 +231,9 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
     """
     source = campaign.source
     if source is None:
-        raise DeckError("a plan needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", campaign.title)
+        raise DeckError(
+            "a plan needs the campaign's file; this campaign was made in Python. Call run_stages on a campaign file.", campaign.title
+        )
     model = new if isinstance(new, Model) else load_model(new)
     levels = [Level(name, request) for name, request in campaign.requests.items()]
     top = levels[-1].name
@@ -263,7 +265,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     done, request = campaign[level.name], level.request
     records = tuple(r.name for r in request.records)
     same = done.model.identity()
-    kept = StagePlan(level.name, level.name, "kept", "nothing that it depends on changes", (), (), (same, same), done.model)
+    kept = StagePlan(level.name, level.name, "kept", "none of its inputs changes", (), (), (same, same), done.model)
     if f"{part}." in places:
         free = tuple(p for p in request.free if request.model.canonical(p) in ParameterSet(new).table)
         lost = [p for p in request.free if p not in free]
@@ -278,8 +280,8 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
         return [kept], []
     if len(places) > 1:
         raise IdentificationError(
-            f"stage '{level.name}' stands at {len(places)} places of '{campaign.title}', and the part in one of them. Give the unit that "
-            "is rebuilt a stage of its own.",
+            f"stage '{level.name}' is used at {len(places)} places of '{campaign.title}', but the part is replaced at one only. Give the "
+            "rebuilt unit a separate stage.",
             part,
         )
     inner = part.removeprefix(holds[0])
@@ -288,7 +290,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     free = tuple(t.path for t in touches if not t.held)
     identity = (request.model.identity(), model.identity())
     if not free:
-        why = "its model changes, but of what it fits nothing is to be retuned"
+        why = "its model changes, but none of its fitted values needs a new fit"
         return [StagePlan(level.name, level.name, "carried", why, (), (), identity, model, inner, starts=starts)], touches
     why = f"{', '.join(free)} anew"
     return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
@@ -322,11 +324,11 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
         kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
         if path in anew and anew[path] != path:
-            held = f"stays with {', '.join(elsewhere)}; {anew[path]} has a number of its own"
+            held = f"stays with {', '.join(elsewhere)}; {anew[path]} now has a separate value"
         elif elsewhere and path not in anew:
-            held = f"shared with {', '.join(elsewhere)}, which the swap leaves alone"
+            held = f"shared with {', '.join(elsewhere)}, which the swap does not affect"
         elif kelvin < FELT and not inside:
-            held = f"10 % move no sensor by {FELT} K"
+            held = f"a change of 10 % moves no sensor by {FELT} K"
         out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, held))
     return out, starts
 
@@ -361,7 +363,9 @@ def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
     try:
         return steady(model, scenario)
     except SolverError as error:
-        raise IdentificationError(f"a swap is judged at rest, and there is none: {error.message}", model.title) from None
+        raise IdentificationError(
+            f"a swap is judged in the steady state, which does not exist here: {error.message}", model.title
+        ) from None
 
 
 def _observed(rest: Mapping[str, float], done: Calibration) -> dict[str, float]:
@@ -460,8 +464,8 @@ def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) ->
     before = [name for name, (file, _) in source.names().items() if name in tests and not file.resolve().is_relative_to(data)]
     if before:
         raise MissingDataError(
-            f"the folder '{data.name}' of the repeated tests has no log of {', '.join(before)}; those beside the campaign are from before "
-            "the swap. Put the new logs there, under the names that the campaign gives.",
+            f"the folder '{data.name}' of the repeated tests has no log of {', '.join(before)}. The logs beside the campaign are from "
+            "before the swap. Put the new logs there, with the file names of the campaign.",
             source.path.name,
         )
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, WithJsonSchema
 
-from thermid.grammar import StrictTable
+from thermid.grammar import CourseField, StrictTable
 from thermid.measure.readers.bindings import channel_schema
 
 
@@ -46,12 +46,12 @@ class RecordTable(StrictTable):
 class ScenarioTable(StrictTable):
     """What the logs do not say."""
 
-    boundaries: dict[str, Any] = {}
-    loads: dict[str, Any] = {}
-    commands: dict[str, Any] = {}
+    boundaries: dict[str, CourseField] = {}
+    loads: dict[str, CourseField] = {}
+    commands: dict[str, CourseField] = {}
     gains: dict[str, str] = {}
-    schedule: dict[str, Any] = {}
-    prescribed: dict[str, Any] = {}
+    schedule: dict[str, CourseField] = {}
+    prescribed: dict[str, CourseField] = {}
     start: str = ""
     initial: dict[str, str] = {}
 
@@ -176,11 +176,6 @@ class CampaignFile(StrictTable):
     def joint_table(self) -> JointFitTable:
         """What is said of a joint fit; nothing where the campaign has no such table."""
         return self.joint or JointFitTable.model_validate({})
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a campaign, for editors."""
-    return CampaignFile.model_json_schema()
 
 
 class KnowledgeTable(StrictTable):

@@ -97,13 +97,15 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
     """
     for name, table in stage.courses.items():
         if name in request.model.loads:
-            raise DeckError(f"'{name}' is a load of the deck; a course adds to it under a name of its own.", f"{where}.courses.{name}")
+            raise DeckError(
+                f"'{name}' is a load of the deck. Give the course another name; it adds to the load.", f"{where}.courses.{name}"
+            )
         shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
         course = recovered(request, name, table.into, shapes=shapes, power=literal(table.power, "W", f"{where}.courses.{name}.power"))
         request = course.within(request)
         error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
         said = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
-        held = "errors of other values hold for that time"
+        held = "the errors of other values do not include its uncertainty"
         request = replace(request, remarks=(*request.remarks, f"{said}, on the profile of the fit; {held}."))
     return request
 
@@ -164,8 +166,11 @@ def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
     DeckError   When `move` names what is not handed on, or values are fixed.
     """
     if inherit.move and inherit.as_ != "prior":
-        raise DeckError('`move` says which values of a prior may move; with as = "fixed" none does.', f"{where}.move")
-    refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not handed on.", DeckError)
+        raise DeckError(
+            '`move` lists the values of a prior that may move, but as = "fixed" keeps all of them fixed. Leave one of the two out.',
+            f"{where}.move",
+        )
+    refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not inherited.", DeckError)
     return set(inherit.move or store.parameters) if inherit.as_ == "prior" else set()
 
 
@@ -181,8 +186,8 @@ def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record])
     origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
     used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
     return [
-        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here: its readings count twice, and "
-        "the errors are too small. Hand the values on as fixed, or use another record."
+        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
+        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
         for r in records
         if r.origin.sha256 in used
     ]
@@ -220,7 +225,7 @@ def _apart(start: float, end: float, log: Record, records: tuple[Record, ...], w
     for other in records:
         if other.origin.sha256 == log.origin.sha256 and other.times[0] < end and other.times[-1] > start:
             raise RecordError(
-                f"steady point '{name}' is of {start:g} to {end:g} s of '{log.name}', and the stage fits it from {other.times[0]:g} to "
+                f"steady point '{name}' covers {start:g} to {end:g} s of '{log.name}', and the stage fits it from {other.times[0]:g} to "
                 f"{other.times[-1]:g} s: its readings would count twice. Trim the transient in `prepare`, or leave one of them out.",
                 where,
             )
@@ -485,7 +490,8 @@ def _judge(
             record = source.bound(name, stage)
             if record.origin.sha256 in used:
                 raise IdentificationError(
-                    f"record '{name}' was used by {used[record.origin.sha256]}; a validation needs data that no fit has seen."
+                    f"record '{name}' was used by {used[record.origin.sha256]}. A validation needs a hold-out record: use one that no "
+                    "fit used."
                 )
             yield validate(
                 fit,

@@ -283,7 +283,7 @@ class Judge:
 
 
 def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
-    """Return the table as it stands, in at most `height` lines of at most `width` characters."""
+    """Return the table as it is, in at most `height` lines of at most `width` characters."""
     head = [*_head(log, width), _rule_line(log, judge)]
     foot = [log.last_mark] if log.last_mark else []
     rows = [_cells(log, judge, source, width < _NARROW) for source in _sources(log)]

@@ -10,7 +10,6 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from thermid.campaign.schema import json_schema as campaign_schema
 from thermid.campaign.survey import check_campaign
 from thermid.cli.options import (
     Accept,
@@ -38,11 +37,11 @@ from thermid.cli.options import (
     writable,
 )
 from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, refuse_unknown
+from thermid.extensions import GRAMMARS, json_schema
 from thermid.files import NETCDF, PICTURE, TABLE, write_text
 from thermid.fit.inputs import InputTable
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
-from thermid.model.deck.schema import json_schema as deck_schema
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import compare_htc
@@ -224,11 +223,10 @@ def diagram(
     typer.echo(f"diagram: {to}")
 
 
-def schema(kind: Annotated[str, typer.Argument(help="deck or campaign")] = "deck") -> None:
+def schema(kind: Annotated[str, typer.Argument(help=f"Kind of file: {', '.join(GRAMMARS)}.")] = "deck") -> None:
     """Print the JSON Schema of a file, for editors."""
-    schemas = {"deck": deck_schema, "campaign": campaign_schema}
-    refuse_unknown([kind], schemas, "", "there is no schema '{}'.{near} There are deck and campaign.", DeckError)
-    typer.echo(json.dumps(schemas[kind](), indent=2))
+    refuse_unknown([kind], GRAMMARS, "", "there is no schema '{}'.{near} There are {known}.", DeckError)
+    typer.echo(json.dumps(json_schema(kind), indent=2))
 
 
 def htc(

@@ -43,6 +43,7 @@ from thermid.interop.decks.written import to_esatan, to_sinda
 from thermid.interop.equations import equations as derived
 from thermid.interop.fmu.export import to_fmu
 from thermid.interop.initfcn import read_initfcn
+from thermid.interop.modelica import to_modelica
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.knowledge.store import model_standing
@@ -52,7 +53,7 @@ from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
 
-COMMENTS = {"octave": "%", "c": "//", "spice": "*", "sinda": "C", "esatan": "#"}
+COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}
 """Form of an export -> what begins a comment in it."""
 To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
 
@@ -181,7 +182,10 @@ def export(
     deck: Deck,
     form: Annotated[
         str,
-        typer.Option("--as", help="octave (also for MATLAB), c (a C99 header), spice (netlist), sinda, esatan (deck), fmu (with --to)."),
+        typer.Option(
+            "--as",
+            help="octave (also for MATLAB), c (C99 header), modelica (package), spice (netlist), sinda, esatan (deck), fmu (with --to).",
+        ),
     ] = "octave",
     to: To = None,
     fmi: Annotated[str, typer.Option("--fmi", help="Version of the FMU: 3.0 or 2.0.")] = "3.0",
@@ -200,9 +204,12 @@ def export(
     step: Annotated[
         str | None, typer.Option("--step", help="Length of a step of the C header: 5 [s]; the longest with an error of 1 mK without it.")
     ] = None,
+    library: Annotated[
+        str | None, typer.Option("--library", help="Of a Modelica package: modelica, its Standard Library, or none: parts of its own.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model for Octave, C, SPICE, SINDA, ESATAN, or as an FMU.
+    """Write a model for Octave, MATLAB, C, Modelica, SPICE, SINDA, ESATAN, or as an FMU.
 
     The scenario is written with it. What the format cannot say is refused.
     """
@@ -212,6 +219,8 @@ def export(
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     if step is not None and form != "c":
         raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
+    if library is not None and form != "modelica":
+        raise DeckError(f"a library is of a Modelica package; '{form}' has none.", "--library")
     if form == "fmu":
         _export_fmu(model, conditions, to, fmi, accept or (), as_json)
         return
@@ -220,6 +229,8 @@ def export(
         text = to_octave(model, conditions, name=name)
     elif form == "c":
         text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
+    elif form == "modelica":
+        text = to_modelica(model, conditions, name=name, library=library or "modelica")
     else:
         text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
     standing = model_standing(model).accept(accept or ())

@@ -103,7 +103,7 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
     around = roles.surroundings
     if not around or not roles.logged:
         around = typer.prompt(
-            "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if nobody knows", default=around or "-", err=True
+            "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
         )
         around = "" if around == "-" else around
     heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers]
@@ -112,7 +112,7 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
     scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
     duty = next((p.column for p in roles.powers if p.anchored), "")
     if duty:
-        answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if nobody knows", default="-", err=True)
+        answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if unknown", default="-", err=True)
         scales |= {} if answer == "-" else {duty: answer}
     return roles_of(log, parts, around, heats, scales, time)
 

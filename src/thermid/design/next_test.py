@@ -219,7 +219,7 @@ class Advice(Result):
         felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
         if felt:
             named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
-            lines.append(f"  Not in these figures: {named}.")
+            lines.append(f"  Not included in these figures: {named}.")
         lines += [f"  {remark}" for remark in self.remarks]
         return "\n".join(lines)
 
@@ -345,7 +345,7 @@ def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: 
     IdentificationError   When there are none.
     """
     if not priors:
-        raise IdentificationError("a model alone says nothing of what it does not know: give priors, or a fit.", model.title)
+        raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title)
     parameters = compile_network(model).flat.parameters
     texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors.items()}
     unknowns = [unknown_of(model, p) for p in texts]
@@ -372,7 +372,7 @@ def _opened(known: Known) -> Known:
     if not loose:
         return known
     names = [list(store.states)[k] for k in loose]
-    sources = tuple(Source(n + OPEN, "data", Normal(), f"nothing is known of {n}") for n in names)
+    sources = tuple(Source(n + OPEN, "data", Normal(), f"no uncertainty is known for {n}") for n in names)
     root = np.hstack([store.root, np.zeros((len(store.states), len(loose)))])
     root[loose, len(store.sources) + np.arange(len(loose))] = 1.0
     states = {n: replace(s, known=True) if n in names else s for n, s in store.states.items()}
@@ -427,7 +427,7 @@ def next_test(
     every: str | float = "1 [min]",
     goal: str = "",
 ) -> Advice:
-    """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it stands.
+    """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it is.
 
     Parameters
     ----------
@@ -455,11 +455,11 @@ def next_test(
     known = before_fit(source, aim) if isinstance(source, Calibration) else before_model(source, priors or {}, aim)
     model = known.model
     if scenario is None and not actions:
-        raise IdentificationError("there is nothing to choose from: give actions, or a scenario to vary.", model.title)
+        raise IdentificationError("no test is given to choose from. Give actions, or a scenario to vary.", model.title)
     base = scenario if scenario is not None else actions[0].scenario
     given = sensors_of(model, base, sensors) if sensors else _sensors(source)
     if not given:
-        raise IdentificationError("no sensor is given, so a test would say nothing.", model.title)
+        raise IdentificationError("no sensor is given, so a test would give no information. Name at least one.", model.title)
     gradient, value, label, slot, beside = _gradient(known, target)
     now = _error(np.diag(known.information), gradient)
     wanted = _goal(goal, slot, value)
@@ -509,7 +509,8 @@ def _remarks(known: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
     if not slow:
         return ()
     return (
-        f"Planned readings of {listed(slow)} are taken to wander as their residuals did; what the model misses would then stay missed.",
+        f"Planned readings of {listed(slow)} are assumed to be autocorrelated like the residuals of the fit, because missing physics "
+        "would remain.",
     )
 
 
@@ -522,7 +523,7 @@ def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str,
     path = known.model.canonical(target)
     name = next((n for n, paths in known.free.items() if path in paths), None)
     if name is None:
-        raise NameNotFoundError(f"'{target}' is not among what is looked for.{nearest(path, known.free)}", known.model.title)
+        raise NameNotFoundError(f"'{target}' is not one of the free parameters.{nearest(path, known.free)}", known.model.title)
     unit = unknown_of(known.model, name).unit
     return known.responses[name], known.values[name], f"'{path}'", unit if unit != "K" else "1", {}
 

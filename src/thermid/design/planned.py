@@ -53,12 +53,14 @@ def sensors_of(model: Model, scenario: Scenario, given: Mapping[str, Any]) -> tu
         where = f"sensors.{raw}"
         table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
         for key in set(table) - {"noise", "accuracy", "name"}:
-            raise IdentificationError(f"a sensor has noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where)
+            raise IdentificationError(f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where)
         path = model.canonical(raw)
         role = "load" if path in loads else "boundary" if (path := network.find(raw, where)) in network.boundaries else "node"
         noise, accuracy = (literal(table[k], "W" if role == "load" else "K", where) if k in table else None for k in ("noise", "accuracy"))
         if role == "node" and noise is None:
-            raise IdentificationError("what a planned test tells depends on the noise of its sensors: noise = '0.1 [K]'.", where)
+            raise IdentificationError(
+                "the noise of the sensors is missing. Give it, such as noise = '0.1 [K]': the expected errors depend on it.", where
+            )
         out.append(Sensor(str(table.get("name", raw)), path, role, noise, accuracy))
     return tuple(out)
 

@@ -111,22 +111,22 @@ class Dynamics:
         switched = [p.name for p in self.wiring.structure.controls if p.kind == "thermostat"]
         if switched:
             raise IdentificationError(
-                f"'{switched[0]}' is switched by a thermostat, so that noise would decide when. Log its power and give it as the load's.",
+                f"'{switched[0]}' is switched by a thermostat, so process noise would change its switching times. Log its power and "
+                "bind it to the load.",
                 where,
             )
         if self.wiring.network.stores:
             node = next(iter(self.wiring.network.stores))
             raise IdentificationError(
-                f"'{node}' stores heat by a table, which process noise cannot be combined with. Fit without process noise.", where
+                f"'{node}' stores heat by a table, which is not supported with process noise. Fit without process noise.", where
             )
         if self.experiment.ticks is not None:
             raise IdentificationError(
-                "a second clock is yet to be found, which process noise cannot be combined with. Find it with td.inference.align first.",
-                where,
+                "the offset of a second clock is not known, which is not supported with process noise. Find it with td.align first.", where
             )
         if self.engine.many:
             raise IdentificationError(
-                f"a filter is for models of up to some hundred nodes, not {len(self.engine.nodes)}. Reduce the model.", where
+                f"the filter supports models of up to some hundred nodes, not {len(self.engine.nodes)}. Reduce the model.", where
             )
 
     def _is_linear(self) -> bool:
@@ -141,7 +141,8 @@ class Dynamics:
         out = np.zeros(len(self.nodes))
         if node not in self.nodes:
             raise IdentificationError(
-                f"'{node}' has no heat capacity, and '{noise.target}' cannot be told from its neighbours. Give the noise to one of these.",
+                f"'{node}' has no heat capacity, and '{noise.target}' cannot be separated from its neighbours. Give the noise to one "
+                "of these.",
                 self.engine.title,
             )
         out[self.nodes.index(node)] = 1.0

@@ -74,9 +74,7 @@ def estimate(
     """
     title = name or model.title
     if not process_noise:
-        raise IdentificationError(
-            "there is no process noise to estimate with. Give process_noise = {'node': 'free'}, or use calibrate.", title
-        )
+        raise IdentificationError("no process noise is given. Give process_noise = {'node': 'free'}, or use td.calibrate.", title)
     many = (records,) if isinstance(records, Record) else tuple(records)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
@@ -138,7 +136,7 @@ def _starts(problem: Problem, given: Mapping[str, str], noises: Sequence[Process
             )
         value = literal(text, "K", f"{where}, start_sd.{raw}")
         if not (np.isfinite(value) and value >= 0.0):
-            raise IdentificationError(f"a standard deviation of {text} is none; give zero or more.", f"{where}, start_sd.{raw}")
+            raise IdentificationError(f"a standard deviation of {text} is not possible. Give zero or more.", f"{where}, start_sd.{raw}")
         out[path] = value
     return out
 
@@ -244,17 +242,28 @@ def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tu
     if moved:
         named = ", ".join(f"'{m}'" for m in moved)
         verb = "moves" if len(moved) == 1 else "move"
-        out.append(f"{named} {verb} by more than two errors as the process noise goes to zero; the value depends on that choice")
+        out.append(
+            f"{named} {verb} by more than two standard errors when the process noise goes to zero, so the value depends on that choice"
+        )
     for e in (process, output):
         if not e.maximum.converged:
             out.append(f"{e.name}: the search did not converge in {e.maximum.steps} steps")
-        out += [f"{e.name}: '{f.name}' has no finite error; the logs do not tell it" for f in e.found.values() if not np.isfinite(f.error)]
+        out += [
+            f"{e.name}: '{f.name}' has no finite error, because the logs do not determine it"
+            for f in e.found.values()
+            if not np.isfinite(f.error)
+        ]
     for k, u in enumerate(process.likelihood.unknowns):
         low, high = u.fitted_bounds()
         end = process.maximum.fitted[k]
         if u.name.startswith("noise of") and end - low < 3.0:
-            out.append(f"'{u.name}' went to zero: the logs show no such noise")
+            out.append(f"'{u.name}' went to zero, so the logs show no such noise. Remove it")
         elif np.isfinite(low + high) and min(end - low, high - end) < 1e-4:
-            out.append(f"'{u.name}' ended at a bound; its error is not meaningful")
-    out += [f"{process.name}: innovations of {w.sensor} are not white; errors are too small" for w in process.white if not w.white]
+            out.append(f"'{u.name}' ended at a bound, so its error is not meaningful. Widen the bound")
+    out += [
+        f"{process.name}: innovations of {w.sensor} are not white, so the errors are too small. Add process noise at another "
+        "node, or look for missing physics"
+        for w in process.white
+        if not w.white
+    ]
     return tuple(out)

@@ -190,10 +190,10 @@ class Estimation(Result):
         a, b, why = self.process.left_out, self.output.left_out, ""
         if a is not None and b is not None:
             better, worse = sorted((a.rmse, b.rmse))
-            why = f": foresees left-out readings over {duration_text(self.horizon)} to {short(better)} K, the other to {short(worse)} K"
+            why = f": predicts left-out readings over {duration_text(self.horizon)} to {short(better)} K, the other to {short(worse)} K"
         head = [f"{self.title}: {self.chosen.name}{why}"]
         head += [f"  warning: {w}" for w in self.warnings]
-        head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, {chance(self.p_value)}; not what the choice rests on")
+        head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, {chance(self.p_value)}; the choice does not use it")
         return "\n".join([*head, *self.process.lines(), *self.output.lines()])
 
 

@@ -159,7 +159,7 @@ class Whiteness:
         """On one line."""
         word = "white" if self.white else "not white"
         said = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
-        return f"{said}, {self.size:.3g} times the size foreseen"
+        return f"{said}, {self.size:.3g} times the expected size"
 
 
 def chance(probability: float) -> str:

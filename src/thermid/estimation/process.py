@@ -99,15 +99,13 @@ def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
     target, place = _place(raw, network, where)
     kind = str(table.get("kind", MARKOV if "time" in table else WIENER))
     if kind not in (WIENER, MARKOV):
-        raise IdentificationError(
-            f"there is no process noise '{kind}'.{nearest(kind, (WIENER, MARKOV))} Write {WIENER} or {MARKOV}.", where
-        )
+        raise IdentificationError(f"unknown process noise '{kind}'.{nearest(kind, (WIENER, MARKOV))} Write {WIENER} or {MARKOV}.", where)
     if kind == WIENER and "time" in table:
-        raise IdentificationError(f"a {WIENER} noise never forgets, so it has no time. Leave it out, or write kind = '{MARKOV}'.", where)
+        raise IdentificationError(f"a {WIENER} noise has no correlation time. Leave time out, or write kind = '{MARKOV}'.", where)
     unit = UNITS[place, kind]
     free = table.get("size", FREE) == FREE
     if "start" in table and not free:
-        raise IdentificationError("a size that is held has no start. Write size = 'free', or leave start out.", where)
+        raise IdentificationError("a fixed size has no start value. Write size = 'free', or leave start out.", where)
     size = _positive(table.get("start", None) if free else table["size"], unit, GUESS[unit], f"{where}, {'start' if free else 'size'}")
     late = table.get("time", FREE)
     time = math.inf if kind == WIENER else _positive(None if late == FREE else late, "s", HOUR, f"{where}, time")
@@ -137,12 +135,10 @@ def _place(raw: str, network: Network, where: str) -> tuple[str, str]:
         node = network.find(raw, where)
     except ThermidError as error:
         raise IdentificationError(
-            f"'{raw}' is no node, load or boundary.{nearest(raw, [*network.nodes, *network.boundaries, *loads])}", where
+            f"'{raw}' is not a node, load or boundary.{nearest(raw, [*network.nodes, *network.boundaries, *loads])}", where
         ) from error
     if node in network.boundaries:
         return node, "boundary"
     if network.numbers().capacitances[node] is None:
-        raise IdentificationError(
-            f"'{raw}' has no heat capacity, so its temperature follows others at once. Give the noise to a neighbour.", where
-        )
+        raise IdentificationError(f"'{raw}' has no heat capacity, so process noise cannot act on it. Give the noise to a neighbour.", where)
     return node, "node"

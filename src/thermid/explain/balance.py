@@ -71,11 +71,11 @@ class EnergyBalance(Result):
         if not self.closes:
             where = max(self.unexplained, key=lambda n: abs(self.unexplained[n][0]) / max(self.unexplained[n][1], 1e-12))
             way = (
-                "leaves by a way that the model lacks (a mount, a lead, radiation), or was never put in"
+                "leaves by a path that the model lacks (a mount, a lead, radiation), or the power is too high in the log"
                 if self.total > 0
-                else "comes from somewhere that the model lacks, or its ways out are taken too wide"
+                else "comes from a source that the model lacks, or the conductances of the model are too large"
             )
-            lines.append(f"  More than its error: heat {way}. '{where}' stands out.")
+            lines.append(f"  More than its error: heat {way}. Largest at '{where}'.")
         if self.calculated:
             lines.append(f"  not measured, calculated as settled: {', '.join(self.calculated)}")
         return "\n".join(lines)
@@ -187,7 +187,9 @@ class _Case:
                 rates.append((path, *_together([v.rate for v in several], [v.rate_error for v in several])))
         self.nodes = tuple(p for role, p in self.slots if role == "node" and network.numbers().capacitances.get(p) is not None)
         if not self.nodes:
-            raise RecordError("no channel observes a node that holds heat, so there is no balance to close.", point.name)
+            raise RecordError(
+                "no channel measures a node with a capacitance, so no balance is possible. Bind one with node = '...'.", point.name
+            )
         for path, rate, error in rates:
             if path in self.nodes:
                 self.slots.append(("rate", path))

@@ -26,11 +26,11 @@ from thermid.network.network import Network, compile_network
 from thermid.simulation.scenarios.scenario import Scenario
 
 GROUPS = {
-    "boundary or reference": "the chamber's or room's temperature, or an error that all sensors share: reference junction, logger",
-    "power": "what is dissipated, or how it was measured",
-    "link": "a path of heat that is missing, or stronger or weaker than it is modelled",
+    "boundary or reference": "the temperature of chamber or ambient, or an error common to all sensors: reference junction, logger",
+    "power": "the dissipated power, or its measurement",
+    "link": "a heat path that is missing, stronger or weaker than modelled",
     "capacitance": "a mass or a specific heat",
-    "sensor": "one sensor: off, or come loose",
+    "sensor": "one sensor: wrong, or detached",
 }
 """Group of parameters -> what it stands for."""
 KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
@@ -85,7 +85,9 @@ class Fault:
     def words(self, amount: float) -> str:
         """Return what a fault of a size means."""
         if self.group == "sensor":
-            return f"{self.name} {amount:+.1f} K" if self.unit == "K" else f"{self.name}: {100 * amount:.0f} % of its reading is the room"
+            return (
+                f"{self.name} {amount:+.1f} K" if self.unit == "K" else (f"{self.name}: {100 * amount:.0f} % of its reading is the ambient")
+            )
         if self.unit == "K":
             return f"{self.name} {amount:+.1f} K"
         return f"{self.name} {amount:+.3g} W/K" if self.unit == "W/K" else f"{self.name} {100 * amount:+.0f} %"

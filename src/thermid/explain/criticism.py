@@ -157,7 +157,7 @@ class TraceCriticism:
             return f"{head}, independent from reading to reading"
         chance = "below 1e-6" if self.ljung_box < 1e-6 else short(self.ljung_box)
         text = (
-            f"{head}, not independent: neighbours correlate by {self.lag_one:.2f} (by chance: {chance}), the cumulated periodogram leaves "
+            f"{head}, autocorrelated: lag-one correlation {self.lag_one:.2f} (by chance: {chance}), the cumulated periodogram leaves "
             f"white noise by {self.periodogram:.2f} where {self.band:.2f} is allowed; for a mean, {self.residuals.size} readings are worth "
             f"{short(self.effective, 3)}"
         )
@@ -201,7 +201,7 @@ class Candidate:
     def __str__(self) -> str:
         """The candidate in words."""
         if self.fit is None:
-            return f"{self.name}: cannot be tried with these readings: {self.found}"
+            return f"{self.name}: could not be tried with these readings: {self.found}"
         how = "very strong" if self.evidence > STRONG else "some" if self.evidence > POSSIBLE else "no"
         word = "" if self.possible else ", which is not physically possible"
         return (
@@ -246,11 +246,11 @@ class Criticism(Result):
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
         coloured = [t for t in self.traces if not t.quiet]
-        lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces leave nothing but noise"]
+        lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces have white residuals"]
         lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
-            lines.append("  elements tried, each by itself in a refit:")
+            lines.append("  candidates, each refitted alone:")
             lines += [f"    {c}" for c in self.candidates if c.fit is None or c.evidence > POSSIBLE]
             idle = [c.name for c in self.candidates if c.fit is not None and c.evidence <= POSSIBLE]
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
@@ -259,11 +259,11 @@ class Criticism(Result):
                 rivals = [
                     c for c in self.candidates if c is not best and c.possible and best.evidence - c.evidence < 6.0 and c.evidence > STRONG
                 ]
-                also = f" These readings do not tell it from {', nor from '.join(c.name for c in rivals)}." if rivals else ""
+                also = f" These readings cannot separate it from {' or '.join(c.name for c in rivals)}." if rivals else ""
                 lines.append(f"  Suggested: {best.name}: {best.found}.{also}")
             elif coloured:
                 lines.append(
-                    "  None of them explains the residuals. Look for a disturbance that was not logged, or for a model of more nodes."
+                    "  None of the candidates explains the residuals. Look for a disturbance that was not logged, or use more nodes."
                 )
         return "\n".join(lines)
 
@@ -325,10 +325,12 @@ def running_locals(fit: Calibration) -> list[str]:
             left, gone = float(np.sum((y - fitted) ** 2)), float(np.sum(fitted**2))
             ratio = 0.5 * gone / max(left / (len(x) - 3), 1e-300)
             chance = float(fdtrc(2.0, len(x) - 3.0, ratio)) * len(names)
-            words = f"'{local}' of {len(x)} records goes with the mean of '{name}': {short(float(np.ptp(fitted)), 2)} K over its range"
+            words = (
+                f"'{local}' of {len(x)} records correlates with the mean of '{name}': {short(float(np.ptp(fitted)), 2)} K over its range"
+            )
             best = min(best, (chance, words))
         if best[0] < 0.01:
-            out.append(f"{best[1]} (by chance: {short(best[0])}). It answers for heat that the model misses.")
+            out.append(f"{best[1]} (by chance: {short(best[0])}). It compensates heat that the model lacks.")
     return out
 
 

@@ -209,10 +209,10 @@ class Diagnosis(Result):
     def __str__(self) -> str:
         """Return the diagnosis as text."""
         if self.group == NOTHING:
-            return f"deviations of {self.rms:.2f} K (RMS) are no larger than the stated errors of sensors and model: nothing to explain"
+            return f"deviations of {self.rms:.2f} K (RMS) are within the stated errors of sensors and model; no fault is needed"
         lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group]}"]
         if not self.single:
-            lines = [f"deviations of {self.rms:.2f} K (RMS): no single fault explains most of them; nearest is {self.group}"]
+            lines = [f"deviations of {self.rms:.2f} K (RMS): no single fault explains most of them; the best candidate is {self.group}"]
         for s in self.suspects[:5]:
             lines.append(f"  {s.text}: {100 * s.probability:.0f} %, takes {100 * s.explained:.0f} % of the squares, leaves {s.left:.2f} K")
         rest = [f"{g} {100 * p:.0f} %" for g, p in self.groups.items() if g != self.group and p >= 0.01]
@@ -249,7 +249,7 @@ def diagnose(
     noted = {o.sensor: o for t in several for e in t.experiments for o in e.observations}
     if len(noted) < 2:
         raise IdentificationError(
-            f"a diagnosis tells faults apart by where they show, and {len(noted)} sensor is not enough. Compare with two or more.",
+            f"a diagnosis needs at least two sensors, because it separates faults by their pattern over sensors; {len(noted)} is given.",
             several[0].stage if several else "diagnose",
         )
     known = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}

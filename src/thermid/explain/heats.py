@@ -84,21 +84,21 @@ class Heat:
     def words(self, amount: float) -> str:
         """Return it in words."""
         if self.load:
-            return f"the deck's power of '{self.load}', which no log gives, was {100 * (1 + amount):.0f} % of it"
+            return f"the power of '{self.load}', which no log gives, was {100 * (1 + amount):.0f} % of the deck's"
         if self.kind == "fan":
             what = f"{short(1 + amount)} times as strong {self.when}"
-            return f"heat left to '{self.name}' {what}: a fan, a door, a draught, or a cover taken off"
+            return f"the heat flow to '{self.name}' was {what}: a fan, a door, a draught, or an open cover"
         more = "more" if amount > 0 else "less"
-        return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck say, {self.when}"
+        return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck state, {self.when}"
 
     def remedy(self, amount: float) -> str:
         """Return what to change."""
         first, last = self.window
         if self.load:
-            return f"Log it, or say in the scenario what it was: loads = {{ {self.load} = '... [W]' }}."
+            return f"Log it, or give it in the scenario: loads = {{ {self.load} = '... [W]' }}."
         if self.kind == "fan":
-            return f"Fit that part alone: prepare = [{{ trim = ['{first:.0f} [s]', '{last:.0f} [s]'] }}], or log what moved the air."
-        return "Which heater or unit is on there? Log its power; 'thermid criticise' proposes its course."
+            return f"Fit that part alone: prepare = [{{ trim = ['{first:.0f} [s]', '{last:.0f} [s]'] }}], or log the air flow."
+        return "Find the heater or unit that is on there and log its power; 'thermid criticise' proposes its course."
 
     def fitted(self, fit: RoughFit, known: Mapping[str, float], rounds: int, fresh: bool = False) -> RoughEnd:
         """Return the end of the rough fit with this heat; `fresh` starts from the deck too."""
@@ -254,7 +254,7 @@ class Pulses:
         return cls(rough, nodes, edges, len(fit.problem.unknowns))
 
     def seen(self, known: Mapping[str, float], heat: Heat | None = None) -> tuple[Array, Array]:
-        """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can make up for."""
+        """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can compensate."""
         given = np.zeros(len(self.nodes) * PULSES)
         if heat is not None:
             amount = known.get(f"{PLACED}amount", 0.0)
@@ -387,7 +387,7 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tup
         power = told["start_up.power"].value
         return course.words(power), power > 0.0
 
-    kept = f"; keep it by [stages.courses.start_up] with into = '{node}'"
+    kept = f"; to include it write [stages.courses.start_up] with into = '{node}'"
     return least, MissingElement(
         f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, course.within, chosen=1
     )

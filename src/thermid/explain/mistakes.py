@@ -1,7 +1,7 @@
 """`find_mistakes`: which mistake in a log, a deck or on the bench would explain that a model misses its readings, or its own deck.
 
 Every mistake is a hypothesis of its own: the request, or the readings, as they would be without it. Each is fitted to the same thinned
-readings with the same weak priors about the deck, and compared with the request as it stands by the height of its posterior.
+readings with the same weak priors about the deck, and compared with the request as it is by the height of its posterior.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ ROOM = (14.0, 34.0)
 LAG = "lag"
 """A hypothesis that is no mistake: sensors that lag. What it explains as well as a mistake does is not blamed on the mistake."""
 KINDS = {
-    "per cent": "a power that was logged in per cent and read in watts",
-    "unit": "a column in another unit than the one it is read in",
-    "exchanged": "two columns that stand for one another",
-    "node": "a sensor that sits on another part than the campaign says",
-    "clock": "a log whose clock runs before or behind that of the temperatures",
-    "load": "a power that nothing gives, or that was not there",
-    "sensor": "a sensor that came loose, or is off",
-    "fan": "air that moved, or stopped moving, during the log",
+    "per cent": "a power logged in per cent but read in watts",
+    "unit": "a column in another unit than assumed",
+    "exchanged": "two exchanged columns",
+    "node": "a sensor on another part than stated in the campaign",
+    "clock": "a log with a shifted clock",
+    "load": "a power that is not logged, or was not applied",
+    "sensor": "a sensor that is detached, or wrong",
+    "fan": "a change of the air flow during the log",
 }
 """Kind of mistake -> what it is."""
 LAG = "lag"
@@ -130,7 +130,7 @@ class Mistakes:
     def lines(self) -> list[str]:
         """Return what stands in the first lines of a fit."""
         if self.failed:
-            return [f"mistakes in log or deck were not looked for: {self.failed}"]
+            return [f"the search for mistakes in log or deck failed: {self.failed}"]
         if self.first is None:
             return []
         out = [f"likely mistake: {self.first}. {self.first.remedy}"]
@@ -337,7 +337,7 @@ def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
         largest, watts = float(np.abs(c.values[c.valid]).max()), decks.get(load, 0.0)
         if not (1.0 < largest <= FULL and watts > 0.0 and largest > 1.5 * watts):
             continue
-        words = f"'{name}' is a duty cycle in per cent and was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
+        words = f"'{name}' is a duty cycle in per cent but was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
         remedy = f'Give {name} full_scale = "{short(watts, 3)} [W]", its power at 100 %.'
         other = _mapped(request, [name], partial(_times, watts / 100.0))
         yield _plain("per cent", name, words, remedy, other, 0.0 if c.assumed else 1.0)
@@ -351,14 +351,14 @@ def _units(request: Request) -> Iterator[Hypothesis]:
     powers, warm = _channels(request, "power"), _channels(request, "temperature")
     for names in _alone_and_all(powers):
         for factor, text in ((1e-3, "mW"), (1e3, "kW")):
-            words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in {text} and was read in W"
+            words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in W"
             other = _mapped(request, names, partial(_times, factor))
             yield _plain("unit", ", ".join(names), words, f'Write unit = "{text}" for {_listed(names)}.', other)
     for names in _alone_and_all(warm):
         first = [float(c.values[c.valid][0]) - ICE_POINT for n, c in warm.items() if n in names]
         usual = sum(ROOM[0] <= t <= ROOM[1] for t in first), sum(ROOM[0] <= (t - 32.0) / 1.8 <= ROOM[1] for t in first)
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
-        words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit and was read in degrees Celsius"
+        words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
         other = _mapped(request, names, _from_fahrenheit)
         yield _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
@@ -366,7 +366,7 @@ def _units(request: Request) -> Iterator[Hypothesis]:
             break
         other = _with(request, partial(_paced, factor))
         time = request.records[0].origin.time
-        words = f"the times '{time}' are in {text} and were read in seconds"
+        words = f"the times '{time}' are in {text} but were read in seconds"
         unit = {"minutes": "min", "hours": "h", "milliseconds": "ms"}[text]
         yield _plain("unit", time, words, f'Write units = {{ "{time}" = "{unit}" }} for the record.', other)
 
@@ -404,7 +404,7 @@ def _nodes(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     for s in sensors:
         for node in heavy:
             other = _with(request, partial(_moved, s, node))
-            words = f"'{s}' sits on '{node}' and not on '{seen[s]}'"
+            words = f"'{s}' is on '{node}', not on '{seen[s]}'"
             yield _plain("node", s, words, f'Write node = "{node}" for {s}.', other)
 
 
@@ -441,11 +441,14 @@ def _shifts(request: Request, fit: RoughFit, names: list[str], seen: list[str]) 
         width *= 0.5
     shift = best[1]
     late = "behind" if shift < 0.0 else "ahead of"
-    words = f"the clock of {_listed(names)} runs {duration_text(abs(shift))} {late} that of the temperatures"
+    words = f"the clock of {_listed(names)} is {duration_text(abs(shift))} {late} that of the temperatures"
     for part in (0.5, 1.0, 2.0) if seen else ():
         lagging = _with(request, partial(_lagging, seen, part * abs(shift)))
         yield _plain(LAG, ", ".join(seen), "the sensors lag", "", lagging)
-    remedy = f"Join that log with offset = \"{-shift:.4g} [s]\", or let the fit find it: offset = a range. 'thermid look' shows the clocks."
+    remedy = (
+        f"Join that log with offset = \"{-shift:.4g} [s]\", or give offset as a range and let the fit find it. 'thermid look' "
+        "shows the clocks."
+    )
     yield _plain("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
 
 
@@ -502,7 +505,7 @@ def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
 
 
 def _loose(sensor: str, amount: float) -> str:
-    return f"'{sensor}' came loose: {100 * amount:.0f} % of its reading is that of its surroundings"
+    return f"'{sensor}' is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
 
 
 def _off(sensor: str, amount: float) -> str:

@@ -108,7 +108,7 @@ class Plausibility(Result):
         """
         found = {f.path: f for f in self.findings}
         if path not in found:
-            raise NameNotFoundError(f"nothing is held against '{path}'.{nearest(path, found)}", self.title)
+            raise NameNotFoundError(f"no finding for '{path}'.{nearest(path, found)}", self.title)
         return found[path]
 
     @property
@@ -152,7 +152,7 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     IdentificationError   When the fit has no records any more, or a load of `delivered` has no power.
     """
     if not fit.experiments:
-        raise IdentificationError("this calibration has no records any more; repeat the fit.", fit.stage)
+        raise IdentificationError("this calibration has no records, because it was read from a file. Repeat the fit.", fit.stage)
     network = fit.experiments[0].network
     fitted = fit.values.parameters
     owners = {p: v for v in fitted.values() for p in (v.path, *v.also)}
@@ -172,8 +172,10 @@ LOOSE = 0.5
 def _undecided(v: FittedValue) -> str:
     """Return in words that a value has too wide an error to be judged."""
     shown = f"{v.path} = {short(v.in_unit)} +- {short(v.error * v.in_unit / v.value if v.value else v.error)} {v.unit}"
-    advice = "Fix it, give it a prior, or see td.design.next_test for a log that shows it."
-    return f"{shown}: not determined, its 95 % interval reaches zero. {advice}"
+    return (
+        f"{shown}: not determined, because its 95 % interval includes zero. Fix it, give it a prior, or plan a better test with "
+        "td.next_test."
+    )
 
 
 def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:
@@ -195,8 +197,8 @@ def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedV
         v = _behind(network, c.fields["contact_conductance"], owners) if "contact_conductance" in c.fields else None
         if v is not None:
             gap = 0.026 / v.value
-            less = f"A gap of air of {1e3 * gap:.2g} mm conducts as much: the faces hardly touch, or the area in contact is smaller"
-            more = "No bare joint is as good: solder or foil reaches 1e6, or heat has a second way beside the joint"
+            less = f"A gap of air of {1e3 * gap:.2g} mm conducts as much. The faces hardly touch, or the contact area is smaller"
+            more = "No bare joint conducts as well. Solder or foil reaches 1e6, or heat has a second path beside the joint"
             yield RangeCheck(v.path, v.value, v.error, *BARE, "contact of metal on metal", CONTACTS, less if v.value < BARE[0] else more)
 
 
@@ -215,12 +217,13 @@ def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: Fitted
     what = f"still air over {1e4 * area:.3g} cm^2 {hot - cold:+.3g} K from it" + (", with radiation" if c.kind == "effective" else "")
     if v.value < low:
         meaning = (
-            "Too low: the area counts faces that do not convect (inside ones, or twice), the power is too small, or the air is confined"
+            "Too low: the area includes faces that do not convect (inside, or counted twice), the power is too small, or the air is "
+            "confined"
         )
     elif v.value <= FORCED + shine[1]:
-        meaning = "Too high for still air: it moves, heat leaves by a mount or a lead, the area is too small, or the power too large"
+        meaning = "Too high for still air: the air moves, heat leaves by a mount or a lead, the area is too small, or the power too large"
     else:
-        meaning = "More than slow fans bring: heat leaves by a mount or a lead, the area is too small, or the power too large"
+        meaning = "Higher than with slow fans: heat leaves by a mount or a lead, the area is too small, or the power too large"
     return RangeCheck(v.path, v.value, v.error, low, high, what, "Lee, Yovanovich, Jafarpur 1991; emissivity 0.02 to 0.98", meaning)
 
 
@@ -232,10 +235,10 @@ def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Rang
             *EMISSIVITY,
             "an emissivity",
             "Incropera, 6th ed., Tables A.11 and A.12",
-            "The area, or another way for the heat, is wrong",
+            "The area, or another heat path, is wrong",
         ),
-        "exchange_factor": (0.0, 1.0, "an exchange factor", "its definition", "The area, or another way for the heat, is wrong"),
-        "specific_heat": (*HEAT, "a specific heat of solids", "table of materials", "The mass is wrong, or a second mass moves along"),
+        "exchange_factor": (0.0, 1.0, "an exchange factor", "its definition", "The area, or another heat path, is wrong"),
+        "specific_heat": (*HEAT, "a specific heat of solids", "table of materials", "The mass is wrong, or a second mass follows it"),
         "conductivity": (
             0.02,
             max(conductivities) * 1.1,
@@ -275,9 +278,9 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
             scale = v.value / capacity if capacity else np.nan
             meaning = f"It needs {capacity / weight:.4g} J/(kg K) of {weight:.3g} kg: "
             meaning += (
-                "mass moves along that was not weighed, or the power is too large"
+                "a mass that was not weighed follows it, or the power is too large"
                 if capacity / weight > HEAT[1]
-                else ("part of the mass does not follow at this pace, or the power is too small")
+                else ("part of the mass follows more slowly, or the power is too small")
             )
             low, high = HEAT[0] * weight * scale, HEAT[1] * weight * scale
             yield RangeCheck(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
@@ -296,11 +299,11 @@ def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue
         if watts > 0.0:
             low, high = (out * (1.0 / e - 1.0) for e in reversed(EFFICIENCY))
             meaning = "A larger loss than converters have, or heat of another part" if watts > high else "Less than any converter loses"
-            what = f"the loss of a converter that hands on {out:.3g} W at {100 * EFFICIENCY[0]:.0f} to {100 * EFFICIENCY[1]:.0f} %"
+            what = f"the loss of a converter that delivers {out:.3g} W at {100 * EFFICIENCY[0]:.0f} to {100 * EFFICIENCY[1]:.0f} %"
             yield RangeCheck(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
         else:
             raise IdentificationError(
-                f"'{raw}' has no power in this fit, so a loss of it cannot be judged. Name a load that heats.", "delivered"
+                f"'{raw}' has no power in this fit, so its loss cannot be judged. Name a load with a power.", "delivered"
             )
 
 

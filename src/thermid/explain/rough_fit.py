@@ -205,7 +205,7 @@ class RoughFit:
             prior = np.column_stack([prior, np.zeros(values.size)])
         found = np.concatenate(rows)
         if not np.isfinite(found).all() or not np.isfinite(np.concatenate(slopes)).all():
-            raise SolverError("the run ends in numbers that are not finite.", "rough fit")
+            raise SolverError("the run gives numbers that are not finite.", "rough fit")
         square, spent = float(found @ found), float(values @ values)
         return RoughEnd(x, square, spent, tuple(left), np.concatenate([*slopes, prior]), np.concatenate([found, values]))
 
@@ -256,7 +256,7 @@ class RoughFit:
             except SolverError as error:
                 refused = error
         if not ends:
-            raise refused or SolverError("there is no start.", "rough fit")
+            raise refused or SolverError("the start is missing.", "rough fit")
         return min(ends, key=lambda e: e.cost)
 
     def named(self, end: RoughEnd) -> dict[str, float]:

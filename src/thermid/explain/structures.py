@@ -223,23 +223,26 @@ class StructureSearch:
         """Return the answer, what was tried, and what cannot be told, as text."""
         gain = self.likelihood(self.proposed)
         if self.proposed is self.start:
-            lines = ["No change of structure is supported by held-out readings."]
+            lines = ["No change of the structure is supported by the hold-out readings."]
         else:
-            lines = [f"Proposed: {self.proposed.name} (held-out log-likelihood {gain:+.3g})."]
+            lines = [f"Proposed: {self.proposed.name} (log-likelihood of the hold-out readings {gain:+.3g})."]
             lines.append(f"  RMSE {short(self.start.rmse, 3)} -> {short(self.proposed.rmse, 3)} K")
             for (text, possible), change in zip(self.proposed.judged(), self.proposed.changes, strict=True):
                 lines.append(f"  {change.name}: {text}{'' if possible else ', which is not physically possible'}")
         for one in self.ties:
             if one.nodes != self.proposed.nodes:
                 apart = self.likelihood(one) - gain
-                lines.append(f"  Cannot tell from: {one.name} ({one.nodes} masses; held-out log-likelihood differs by {apart:+.2g}).")
+                lines.append(
+                    f"  Not separable from it: {one.name} ({one.nodes} masses; log-likelihood of the hold-out readings differs by "
+                    f"{apart:+.2g})."
+                )
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
         shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
-        lines += ["  refitted, held-out log-likelihood over the structure at the beginning:", *shown] if shown else []
+        lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
         if not self.complete:
-            lines.append("  The time ended the search; more changes may be supported. Give it more seconds.")
+            lines.append("  The time limit ended the search, so more changes may be supported. Allow more seconds.")
         return "\n".join(lines)
 
 
@@ -619,7 +622,7 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
     record = experiment.record
     watts = {c.target or c.name: float(np.nanmax(c.values)) for c in record.channels.values() if c.role == "load" and c.valid.any()}
     if not any(watts.values()):
-        return "A test with a known power would tell; this log has none."
+        return "To decide, run a test with a known power; this log has none."
     span, step = record.duration, max(record.step, record.duration / SHOWN)
     tests: dict[str, tuple[float, Callable[[Array], Any]]] = {
         f"on at the highest power for {_hours(0.5 * span)}, then off for as long": (span, lambda t: t < 0.5 * span),
@@ -638,8 +641,8 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
         return "No test of the logged powers could be run with both."
     words = max(gains, key=gains.__getitem__)
     if gains[words] < TIE:
-        return f"No test with these powers and sensors would tell: of those tried, '{words}' gives {short(gains[words], 2)} units."
-    return f"A test would tell: from rest, {words} (about {short(gains[words], 2)} units of log-likelihood)."
+        return f"No test with these powers and sensors would decide: of those tried, '{words}' gives {short(gains[words], 2)} units."
+    return f"To decide, test from rest, {words} (about {short(gains[words], 2)} units of log-likelihood)."
 
 
 def _hours(seconds: float) -> str:

@@ -20,7 +20,7 @@ from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
 from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, priors_of
+from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
 from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
@@ -83,7 +83,7 @@ def _missed(request: Request, problem: Problem, spread: Autocorrelation) -> list
         size = float(np.sqrt(t.correlated_variance)) * sigma
         if size > limit:
             what = "'adequate'" if request.adequate else f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
-            found.append((size / limit, f"{t.sensor} in {t.record} is missed by {short(size)} K (limit {short(limit)} K: {what})"))
+            found.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
     if not found:
         return []
     first = max(found)[1]
@@ -97,7 +97,7 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     errors of its own instruments that a stage below found.
     """
     given = {q for p in request.prior for q in request.store.states[p].acts}
-    given |= {p for p, (mean, _) in request.priors.items() if not mean}  # a prior about the value that was there
+    given |= {p for p, one in request.priors.items() if not mean_of(one)}  # a prior about the value that was there
     freed = {q for p, v in values.parameters.items() if p not in given for q in (p, *v.also)}
     out: dict[str, list[Standing]] = {}
     for path, entry in parameter_table(request.model).items():
@@ -241,17 +241,17 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
                 continue
             gives = f"{FIRST}'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: "
             if not 1.0 / STRANGE < logged / deck < STRANGE:
-                out[c.name] = f'{gives}is its unit right? A column in mW has unit = "mW" in its table, or [mW] in its header.'
+                out[c.name] = f'{gives}check its unit. For a column in mW give unit = "mW" in its table, or [mW] in its header.'
             elif c.assumed and logged / deck >= TIMES and logged <= FULL:
                 out[c.name] = (
-                    f"{gives}is it a duty cycle in per cent? Nothing says its unit, and watts were taken. Give full_scale = '... [W]', its "
+                    f"{gives}it may be a duty cycle in per cent: no unit is given, so watts were assumed. Give full_scale = '... [W]', its "
                     'power at 100 %, or, if these are watts, unit = "W".'
                 )
     return tuple(out.values())
 
 
 def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> None:
-    """Refuse a fit of unknowns that the records cannot tell apart.
+    """Refuse a fit of unknowns that the records cannot separate.
 
     Raises
     ------
@@ -272,7 +272,7 @@ def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], C
 
 
 def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
-    """Return what cannot be told apart, what is known instead, and what to do."""
+    """Return what cannot be separated, what is known instead, and what to do."""
     if group.form == "unseen":
         return f"no reading depends on '{group.names[0]}'. Fix it, or add a record in which it acts."
     named = listed(group.names) if len(group.names) < 3 else ", ".join(f"'{n}'" for n in group.names)
@@ -280,17 +280,17 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     how = group.pair
     if how in ("product", "ratio"):
         known = _known(group, request, problem, fit)
-        return f"the data cannot tell {named} apart; they act only as a {how}{known}. {cure}"
+        return f"{named} cannot be separated by these data; they act only as a {how}{known}. {cure}"
     about = "; ".join(f"{c.text} to about {percent(c.relative)}{f' ({c.meaning})' if c.meaning else ''}" for c in group.known)
     known = f" Known: {about}." if about else ""
     if group.form in ("sum", "series"):
-        return f"the data cannot tell {named} apart; {group.acting}.{known} {cure}"
+        return f"{named} cannot be separated by these data; {group.acting}.{known} {cure}"
     if group.form == "power law":
         moves = ", or ".join(together(move, len(group.names)) for move in group.moves)
         powers = [n for n in group.names if n.rpartition(".")[2] in ("power", "scale") or _is_power(n, problem)]
-        advice = f" Without a measured power only ratios are known: fix '{powers[0]}' or give it a prior." if powers else ""
-        return f"the data cannot tell {named} apart: {moves} changes no reading.{known}{advice} {cure}"
-    return f"the data cannot tell {named} apart: a change of one is made up for by the others. {cure}"
+        advice = f" Without a measured power only ratios can be fitted: fix '{powers[0]}' or give it a prior." if powers else ""
+        return f"{named} cannot be separated by these data: {moves} changes no reading.{known}{advice} {cure}"
+    return f"{named} cannot be separated by these data: a change of one is compensated by the others. {cure}"
 
 
 def _is_power(name: str, problem: Problem) -> bool:
@@ -343,8 +343,8 @@ def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -
             value, spread = u.to_value(float(found.fitted[k])) * scale, error * u.slope(float(found.fitted[k])) * scale
             raise IdentificationError(
                 f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: its standard error is wider than its bounds "
-                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log says nothing new{_by_instruments(problem, total, k)}. Fix it, "
-                "give it a prior, or add a record that moves it.",
+                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, total, k)}. "
+                "Fix it, give it a prior, or add a record in which it acts more.",
                 request.name or request.model.title,
             )
 
@@ -362,7 +362,11 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     if not behind:
         return ""
     names = listed([u.name.removeprefix("sensor ").removesuffix(" error") for u in behind])
-    cure = " (if all began at one temperature, say so with `start`: it shows them)" if all(u.kind == "sensor" for u in behind) else ""
+    cure = (
+        (" (if all sensors began at one temperature, give `start`: the fit then finds these errors)")
+        if all(u.kind == "sensor" for u in behind)
+        else ""
+    )
     return f"; most of that is the constant error of {names}{cure}"
 
 
@@ -468,11 +472,17 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
         out.append(f"the fit did not converge: {found.message}")
     for u, side, bound in at_bounds(problem, found, total):
         shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
-        out.append(f"'{u.name}' ended at its {side} bound {shown:.6g}; its error is not meaningful. Widen the bound or fix it.")
+        out.append(
+            f"'{u.name}' ended at its {side} bound {shown:.6g}, so its standard error is not meaningful. Widen the bound, or "
+            "fix the parameter."
+        )
     for k, u in enumerate(problem.unknowns):
         far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
         if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
-            out.append(f"'{u.name}' lies {far:.1f} standard deviations from its prior; one of them is wrong.")
+            out.append(
+                f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
+                "the prior, and the model."
+            )
     out += _strained(problem, found)
     out += _differing(problem)
     out += _taken_as_instants(problem)
@@ -481,7 +491,10 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > 1.5 else ""
-        out.append(f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}.")
+        out.append(
+            f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}. Check the noise, or look for "
+            "missing physics with `thermid criticise`."
+        )
     return out
 
 
@@ -494,8 +507,8 @@ def _wandering(spread: Autocorrelation) -> list[str]:
     share = f"{len(slow)} of {len(spread.traces)} traces" if len(spread.traces) > 1 else "the trace"
     count, effective = sum(t.samples for t in slow), sum(t.effective_samples for t in slow)
     return [
-        f"residuals of {share} are not white: the model misses something, or the readings were filtered. Their {count} samples are worth "
-        f"{short(effective)} independent ones, and the errors were widened accordingly."
+        f"residuals of {share} are autocorrelated: the model lacks physics, or the readings were filtered. The effective sample size "
+        f"is {short(effective)} of {count}, and the errors were widened accordingly. `thermid criticise` looks for the missing physics."
     ]
 
 
@@ -516,8 +529,8 @@ def _taken_as_instants(problem: Problem) -> list[str]:
         return []
     shown = ", ".join(f"'{n}' ({short(k)} K)" for n, k in apart.items())
     return [
-        f"samples of logged boundaries are taken as instants; as means over the intervals up to their stamps they would drive the model "
-        f"otherwise by more than the noise: {shown}. Say samples = 'instant' or 'average' of their channels."
+        "samples of logged boundaries are taken as instants. Taken as means over the interval up to their stamps, they would change "
+        f"the simulated temperatures by more than the noise: {shown}. State samples = 'instant' or 'average' for their channels."
     ]
 
 
@@ -534,8 +547,8 @@ def _differing(problem: Problem) -> list[str]:
             allowed = float(np.linalg.norm([error, a.accuracy or 0.0, b.accuracy or 0.0]))
             if abs(apart) > DIFFER * allowed:
                 out.append(
-                    f"'{a.sensor}' and '{b.sensor}' on '{a.seat}' differ by {short(abs(apart))} K in {e.record.name}; their noise and "
-                    f"accuracy allow {short(allowed)} K. Give each the accuracy that it has, or look for a gradient between them."
+                    f"'{a.sensor}' and '{b.sensor}' on '{a.seat}' differ by {short(abs(apart))} K in {e.record.name}, but their noise "
+                    f"and accuracy allow {short(allowed)} K. Correct their accuracy, or look for a temperature gradient between them."
                 )
     return out[:1]
 
@@ -553,7 +566,8 @@ def _strained(problem: Problem, found: Fit) -> list[str]:
     count = sum(u.kind == "local" and u.prior is not None for u in problem.unknowns)
     return [
         f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest "
-        f"with {far[worst]:.1f}: the priors are too tight, or the model makes these values answer for something that it misses."
+        f"with {far[worst]:.1f}. The priors are too tight, or the model lacks physics that these values compensate. Widen the priors, "
+        "or run `thermid criticise`."
     ]
 
 
@@ -670,7 +684,7 @@ def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> 
     lost = [u.name for u, variance in zip(problem.unknowns, np.diag(total), strict=True) if not variance >= 0.0]
     if lost:
         raise IdentificationError(
-            f"at the end of the fit hardly any reading depends on {listed(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
+            f"at the end of the fit almost no reading depends on {listed(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
             request.name or request.model.title,
         )
 

@@ -1,4 +1,4 @@
-"""`Calibration`: what a fit found, how well it is known, what it contradicts, and which sensors set its errors."""
+"""`Calibration`: what a fit found, its uncertainty, what it contradicts, and which sensors set its errors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from thermid.results import PlottedTrace, Result, Row
 from thermid.units import counted, from_si, unit
 
 LOUD = "NOT CREDIBLE: "
-BLAME = "A column, a unit, a node or the accuracy is wrong, or the model is. Do not use these values."
+BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
 """What to look for where a fit contradicts what was stated."""
 
 FIRST = "check: "
@@ -72,7 +72,7 @@ def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
             times = f"{short(ratio, 3)} times" if ratio > 1.0 else f"{short(1.0 / ratio, 3)} times less than"
             out.append(
                 f"{FIRST}{path} is {short(v.in_unit, 3)} {v.unit}, {times} the deck's {of}. A unit of time, power or temperature in the "
-                "log, or the deck's value, may be wrong."
+                "log, or the deck's value, may be wrong. Check them."
             )
     return tuple(out)
 
@@ -90,14 +90,14 @@ def _words(v: FittedValue, deviations: float) -> str:
     if v.kind == "sensor" or (v.kind == "shared" and v.unit == "K"):
         sd = v.prior[1] if v.prior is not None else 0.0
         name = v.path.removeprefix("sensor ").removesuffix(" error")
-        return f"{name} would have to be wrong by {v.value:+.3g} K, {times} times its accuracy of {short(sd)} K"
+        return f"{name} would need an error of {v.value:+.3g} K, {times} times its accuracy of {short(sd)} K"
     if v.kind == "shared":
         sd = v.prior[1] if v.prior is not None else 0.0
         error = f"{100 * (v.value - 1):+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
-        return f"{v.path.removesuffix(' error')} would have to be wrong by {error}"
+        return f"{v.path.removesuffix(' error')} would need an error of {error}"
     if v.kind == "instrument":
-        return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit}, {times} deviations from what is stated"
-    return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit}, {times} deviations from its prior"
+        return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from the stated value"
+    return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from its prior"
 
 
 @dataclass(frozen=True)
@@ -273,12 +273,12 @@ class Calibration(Renamed, Result):
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width)}" for v in fitted.values()]
-        lines += [f"  {v.path}: one value with {', '.join(v.also)}" for v in fitted.values() if v.also]
-        lines += [f"  cut from its twins: {place}" for place in cuts_of(self.model)]
+        lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
+        lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
-            worth = f", worth {short(s.effective_samples)} independent samples" if s.wanders else ""
+            worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""
             lines.append(
                 f"  {name}: RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K   residuals white: {white}{worth}"
                 + _bias_text(name, self)

@@ -232,7 +232,7 @@ def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
 
 
 def losing_gas(network: Network, media: Media, seen: Sequence[str]) -> list[FlatConductor]:
-    """Return the contacts whose gas a scenario changes, less those (`seen`) of which a record had told both parts apart."""
+    """Return the contacts whose gas a scenario changes, less those (`seen`) whose parts a record had separated."""
     return [c for c in bare_contacts(network) if c.path not in seen and any(media.changed(g) for g in _gases(network, c))]
 
 
@@ -356,7 +356,7 @@ def discrepancy(fit: Calibration) -> Discrepancy:
     """
     kept = discrepancy_kept(fit.values)
     if kept is None:
-        raise IdentificationError("this calibration does not hold what its fit left open. Run it again.", fit.stage)
+        raise IdentificationError("this calibration does not include the data on its model discrepancy. Run the fit again.", fit.stage)
     return kept
 
 

@@ -137,9 +137,9 @@ def _channel_source(e: Experiment, channel: Channel) -> tuple[Source, str]:
     inside = times[channel.valid]
     words, step = [], float(np.median(np.diff(times)))
     if inside[0] - times[0] > SHORT_TAIL * step:
-        words.append(f"no valid sample in the first {short(float(inside[0] - times[0]), 3)} s: its first value is held before")
+        words.append(f"no valid sample in the first {short(float(inside[0] - times[0]), 3)} s: its first value is used before")
     if times[-1] - inside[-1] > SHORT_TAIL * step:
-        words.append(f"no valid sample in the last {short(float(times[-1] - inside[-1]), 3)} s: its last value is held to the end")
+        words.append(f"no valid sample in the last {short(float(times[-1] - inside[-1]), 3)} s: its last value is used up to the end")
     return ("assumed", f"channel {channel.name}, {'; '.join(words)}") if words else ("log", f"channel {channel.name}")
 
 
@@ -192,7 +192,10 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
             words = "fitted here" if fitted else f"from {origin}" if origin in laid else ""
             yield Input(record, "load", name, "deck", words, power, power, power, fitted)
         else:
-            words = f"no log gives the power of '{name}': that of the deck was taken, from beginning to end"
+            words = (
+                f"the power of '{name}' is that of the deck for the whole record, because no log column gives it. If it was "
+                f"switched, bind a column with load = '{name}'"
+            )
             yield Input(record, "load", name, "assumed", words, power, power, power)
 
 

@@ -182,11 +182,11 @@ def minimise(
     SolverError             When the model cannot be run at the start.
     IdentificationError     When there is no such loss.
     """
-    refuse_unknown([loss], LOSSES, "", "there is no loss '{}'; there are {known}.", IdentificationError)
+    refuse_unknown([loss], LOSSES, "", "unknown loss '{}'. Use one of {known}.", IdentificationError)
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
-        return ended(problem, at, loss, loss_scale, message="nothing was free")
+        return ended(problem, at, loss, loss_scale, message="no parameter was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
     search = _Search(problem, loss, loss_scale, progress, done)
@@ -220,8 +220,8 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
         return arrived.x, str(arrived), True
     except np.linalg.LinAlgError:
         raise SolverError(
-            "the fit ran to values at which its derivatives are no numbers. Give its parameters min and max, or priors. Look at the log "
-            "too: a column, a unit or a node may be wrong.",
+            "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a "
+            "column, a unit or a node may be wrong.",
             "fit",
         ) from None
     return found.x, found.message, bool(found.success)
@@ -233,7 +233,7 @@ def ended(
     loss: str = "linear",
     loss_scale: float = 1.0,
     evaluations: int = 1,
-    message: str = "taken as it was",
+    message: str = "kept as it was",
     converged: bool = True,
 ) -> Fit:
     """Return the fit that ended at some values of the unknowns, with its derivatives."""
@@ -367,7 +367,7 @@ def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress:
     IdentificationError     When there is no such search.
     SolverError             When the model cannot be run at the start.
     """
-    refuse_unknown([how], SEARCHES, "", "there is no search '{}'; there are {known}.", IdentificationError)
+    refuse_unknown([how], SEARCHES, "", "unknown search '{}'. Use one of {known}.", IdentificationError)
     population = Population.of(problem, loss, loss_scale)
     if not population.at.size or how == "local":
         return minimise(problem, loss, loss_scale, progress=progress)
@@ -460,8 +460,8 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
         u = problem.unknowns[k]
         there, here = u.to_value(float(other.fitted[k])), u.to_value(float(best.fitted[k]))
         remarks.append(
-            f"other values fit as well: '{u.name}' could also be {there / here:.3g} times what is reported. "
-            "Give it a prior or tighter bounds."
+            f"other values fit equally well: '{u.name}' could also be {there / here:.3g} times the reported value. Give it a prior or "
+            "tighter bounds."
         )
     return words, tuple(dict.fromkeys(remarks))
 
@@ -528,7 +528,7 @@ def _adapted(population: Population, seed: int) -> Evolved:
     cma = package("cma", "covariance matrix adaptation")
     size = population.at.size
     if size == 1:
-        raise IdentificationError("covariance matrix adaptation needs two parameters or more. Use search = 'multistart'.")
+        raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")
     # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
     options = {"bounds": [0.0, 1.0], "seed": seed, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
     strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)

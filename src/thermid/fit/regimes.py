@@ -233,8 +233,8 @@ class KindsSeen:
         found = f"estimated over {kinds} kinds of run ({runs} records)"
         if kinds < FEW:
             one = "one kind" if kinds == 1 else f"{kinds} kinds"
-            found = f"{one} of run ({runs} records) cannot say it: the prior of {100 * PRIOR:.0f} % decides"
-        return f"what another kind of run differs by: {sizes}; {found}"
+            found = f"{one} of run ({runs} records), too few for an estimate: the prior of {100 * PRIOR:.0f} % is used"
+        return f"differences between kinds of run: {sizes}; {found}"
 
 
 def _plural(group: str) -> str:

@@ -51,7 +51,8 @@ def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | 
         cost, at = min(found, key=lambda pair: pair[0])
         if not np.isfinite(cost):
             raise IdentificationError(
-                "no offset of its second clock lets the model run. Widen the range of offsets.", f"record '{experiment.record.name}'"
+                "the model fails at every offset of the second clock in the given range. Widen the range of offsets.",
+                f"record '{experiment.record.name}'",
             )
     return at_clocks(problem, at)
 
@@ -300,7 +301,7 @@ def _as_prompt(record: Record) -> Record:
 STARTS = 4
 """How many of the best points of the grid a descent starts from."""
 ROUGH = 0.1
-"""Part of a standard error that tells the ends of these descents apart; the best goes on."""
+"""Part of a standard error that separates the ends of these descents; the best goes on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,7 +404,7 @@ def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
         tried.append((cost, (i, j), here, noise))
     if not tried:
         raise IdentificationError(
-            "no offset lets the model run over both logs. Widen the range of offsets.", f"{sides.first.name}, {sides.second.name}"
+            "the model fails at every offset in the given range. Widen the range of offsets.", f"{sides.first.name}, {sides.second.name}"
         )
     tried.sort(key=lambda each: each[0])
     taken: dict[tuple[int, int], Clocked] = {}
@@ -457,8 +458,8 @@ def _told(sides: Clocked, k: int, error: float) -> None:
     (low, high), name, unit = sides.ranges[k], ("offset", "rate")[k], (" s", "")[k]
     if not error < high - low:
         raise IdentificationError(
-            f"the logs do not tell the {name}: its error is wider than its range of {high - low:.3g}{unit}. "
-            "A power that changes while temperatures are logged tells it, twice or more for the rate; a rate that is known can be held.",
+            f"the logs do not determine the {name}: its error is wider than its range of {high - low:.3g}{unit}. Log temperatures "
+            "while a power changes, at least twice for the rate; or fix the rate if it is known.",
             f"{sides.first.name}, {sides.second.name}",
         )
 

@@ -54,7 +54,7 @@ class Cure:
 
     def __str__(self) -> str:
         """What to do, and what would be known then."""
-        return f"{self.action}: then {', '.join(f'{n} +- {percent(e)}' for n, e in self.errors.items())}"
+        return f"{self.action}; expected errors: {', '.join(f'{n} {percent(e)}' for n, e in self.errors.items())}"
 
 
 def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful: Sequence[str]) -> tuple[Cure, ...]:
@@ -64,7 +64,7 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
     ----------
     problem : Problem
     info : Information              At the values where it is to be judged.
-    groups : sequence of Group      What cannot be told apart.
+    groups : sequence of Group      What cannot be separated.
     doubtful : sequence of str      Parameters that are hardly known.
     """
     names = info.names
@@ -80,7 +80,7 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
         fixed, loose = info.errors(held=[k]), info.errors(more=info.prior_row(k, KNOWN))
         if _worst(loose, touched) < GAIN * _worst(before, touched):
             exact = ", ".join(percent(float(fixed[j])) for j in touched)
-            cure = Cure(f"know '{name}' to +- 5 % (fixed exactly it leaves {exact})", {names[j]: float(loose[j]) for j in touched})
+            cure = Cure(f"measure '{name}' to 5 % (if it were exact: {exact})", {names[j]: float(loose[j]) for j in touched})
             out.append((_worst(loose, touched), cure))
     out += _pairs(info, list(members), wanted) if not out and len(members) > 2 else []
     step = _known_step(problem, info)
@@ -106,7 +106,7 @@ def _pairs(info: Information, members: Sequence[str], wanted: Sequence[int]) -> 
             touched = [k for k in wanted if k not in (i, j)]
             left = info.errors(more=np.concatenate([info.prior_row(i, KNOWN), info.prior_row(j, KNOWN)]))
             if touched and _worst(left, touched) < GAIN * _worst(before, touched):
-                action = f"know both {listed([info.names[i], info.names[j]])} to +- 5 %"
+                action = f"measure both {listed([info.names[i], info.names[j]])} to 5 %"
                 out.append((_worst(left, touched), Cure(action, {info.names[k]: float(left[k]) for k in touched})))
     return out
 
@@ -126,7 +126,7 @@ def _known_step(problem: Problem, info: Information) -> tuple[Array, str] | None
     except SolverError:
         return None
     hours = lengths[i] / 3600.0
-    return rows, f"repeat the test of {hours:.3g} h with {watts:.3g} W of known power more where '{load}' heats, on after its first half"
+    return rows, f"repeat the test of {hours:.3g} h with an extra, known {watts:.3g} W at '{load}' in its second half"
 
 
 def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
@@ -187,7 +187,7 @@ class KnownParameter:
     def __str__(self) -> str:
         """Value, error, and what limits it."""
         text = f"{self.name} = {from_si(self.value, self.unit):.5g} {self.unit} +- {percent(self.relative)}"
-        return f"{text}, most of it from {cause(self.limit)} (were that known: {percent(self.without)})" if self.limit else text
+        return f"{text}, mainly from {cause(self.limit)} (without it: {percent(self.without)})" if self.limit else text
 
 
 def cause(unknown: str) -> str:
@@ -212,7 +212,7 @@ class Identifiability(Result):
     samples : int               Readings.
     rank : int                  Independent facts about the parameters in the readings, priors of parameters left out.
     parameters : dict           Path -> `KnownParameter`, priors counted.
-    groups : tuple of Group     What cannot be told apart: structural ones first.
+    groups : tuple of Group     What cannot be separated: structural ones first.
     cures : tuple of Cure       What would help, the best first.
     inputs : InputTable             Every boundary, load and start of every record, with its source.
     """
@@ -247,9 +247,9 @@ class Identifiability(Result):
         info = self.information
         own = [u.name for u in info.unknowns if u.prior is not None and u.kind == "parameter" and u.name in group.names]
         if own:
-            return f" Only the prior of {listed(own)} splits them."
+            return f" Only the prior of {listed(own)} separates them."
         handed = {info.names[k] for at, _, _ in self.problem.coupled for k in at} & set(group.names)
-        return " Only what a stage below handed on splits them." if handed else ""
+        return " Only the inherited values of a stage below separate them." if handed else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain data; infinite errors stay infinite."""
@@ -280,22 +280,26 @@ class Identifiability(Result):
 
     def __str__(self) -> str:
         """Return the findings as text."""
-        when = {"planned": "what this test would tell", "before": "what these readings can tell", "after": "what the readings told"}
+        when = {
+            "planned": "information expected from this test",
+            "before": "information expected from these readings",
+            "after": "information in these readings",
+        }
         free = len(self.parameters)
-        lines = [f"{self.title}: {when[self.stage]} of {counted(free, 'parameter')} ({self.samples} readings)"]
+        lines = [f"{self.title}: {when[self.stage]} on {counted(free, 'parameter')} ({self.samples} readings)"]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         if self.rank < free:
-            lines.append(f"  The readings hold {counted(self.rank, 'independent fact')} about {free} parameters.")
-        lines += [f"  Whatever is measured so: {g}.{self._split_by(g)}" for g in self.structural if g.form != "unseen"]
+            lines.append(f"  The readings determine {counted(self.rank, 'combination')} of {free} parameters.")
+        lines += [f"  By measurements of this kind {g}.{self._split_by(g)}" for g in self.structural if g.form != "unseen"]
         lines += [f"  No reading depends on {listed(g.names)}." for g in self.structural if g.form == "unseen"]
-        lines += [f"  With this log: {g}." for g in self.practical]
+        lines += [f"  With this log {g}." for g in self.practical]
         lines.append("  expected errors:" if self.stage != "after" else "  errors:")
         lines += [f"    {k}" for k in self.parameters.values()]
         if self.cures:
-            lines.append("  what would help:")
+            lines.append("  to improve this:")
             lines += [f"    {c}" for c in self.cures]
         elif not self.groups:
-            lines.append("  Every parameter is told apart from the others.")
+            lines.append("  All parameters can be separated.")
         return "\n".join(lines)
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -336,12 +340,12 @@ def identifiability(
     if isinstance(model, Calibration):
         return _after(model, tell)
     if not free:
-        raise IdentificationError("nothing is free, so there is nothing to tell. Name the parameters to fit.", model.title)
+        raise IdentificationError("no parameter is free. Name the parameters to fit.", model.title)
     many = (records,) if isinstance(records, Record) else tuple(records)
     planned = not many
     if planned:
         if not isinstance(scenario, Scenario) or not sensors:
-            raise IdentificationError("give the logs, or for a test that was not made yet a scenario and its sensors.", model.title)
+            raise IdentificationError("give the logs of a test, or a scenario and sensors of a planned test.", model.title)
         many = (planned_record(model, scenario, sensors_of(model, scenario, sensors), every, scenario.title),)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
@@ -378,7 +382,7 @@ def _after(fit: Calibration, tell: float) -> Identifiability:
 def _told(title: str, stage: str, problem: Problem, at: Array, spread: float, tell: float) -> Identifiability:
     info = Information.of(problem, at, spread)
     if not info.parameters:
-        raise IdentificationError("no parameter is free, so there is nothing to tell. Name the parameters to fit.", title)
+        raise IdentificationError("no parameter is free. Name the parameters to fit.", title)
     bound = structural_groups(info, elsewhere(problem, info, spread))
     # what a prior alone splits is said once
     groups = [*bound, *(g for g in practical_groups(info, tell) if not any(set(g.names) <= set(b.names) for b in bound))]

@@ -59,7 +59,7 @@ class Posterior(Result):
     def __str__(self) -> str:
         """Return median and 95 % interval of each parameter, beside the fit's."""
         size = len(next(iter(self.draws.values())))
-        lines = [f"{self.stage}: {size} draws, worth {self.independent:.0f} independent ones; {self.evaluations} evaluations [SI]"]
+        lines = [f"{self.stage}: {size} draws, effective sample size {self.independent:.0f}; {self.evaluations} evaluations [SI]"]
         width = max(map(len, self.draws))
         for path, values in self.draws.items():
             low, high = self.interval(path)
@@ -118,7 +118,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     short = (
         ()
         if steps - steps // 5 > ENOUGH * lag
-        else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long, {ENOUGH} are wanted: give more steps.",)
+        else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long; {ENOUGH} are needed. Give more steps.",)
     )
     known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
     warnings = (*short, *density.remarks())
@@ -155,11 +155,11 @@ class Evidence(Result):
         better, worse = (self, other) if far >= 0 else (other, self)
         if better.doubts:
             return (
-                f"'{better.stage}' and '{worse.stage}': not decidable by evidence, because {better.doubts[0]}. Compare them on a hold-out "
-                "record, or look for what both miss with td.explain.criticise."
+                f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.doubts[0]}. Compare them on a "
+                "hold-out record, or look for physics that both lack with td.criticise."
             )
         size, doubt = abs(far), math.hypot(self.error, other.error)
-        scale = "not worth a mention" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"
+        scale = "negligible" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"
         return f"'{better.stage}' over '{worse.stage}': ln evidence {size:.1f} +- {doubt:.1f} higher, {scale}"
 
 
@@ -186,7 +186,7 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     density = _Density.of(fit)
     loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
     if loose:
-        raise IdentificationError(f"evidence needs the noise of every sensor, and that of '{loose[0]}' is not stated.", fit.stage)
+        raise IdentificationError(f"evidence needs the noise of every sensor. State noise = '... [K]' for '{loose[0]}'.", fit.stage)
     low, wide = density.box[:, 0], np.ptp(density.box, axis=1)
     sampler = dynesty.NestedSampler(
         density,
@@ -219,12 +219,16 @@ class _Density:
     def of(cls, fit: Calibration) -> _Density:
         problem = fit.problem
         if problem is None or fit.request is None:
-            raise IdentificationError("samples need a fit of this session; a values file does not hold its records.", fit.stage)
+            raise IdentificationError(
+                "samples need a fit made in this session, because a values file has no records. Repeat the fit.", fit.stage
+            )
         if fit.request.loss != "linear":
-            raise IdentificationError("samples need the loss 'linear'; a robust loss is no likelihood.", fit.stage)
+            raise IdentificationError(
+                "samples need the loss 'linear', because a robust loss is not a likelihood. Repeat the fit with it.", fit.stage
+            )
         at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
         if not at.size:
-            raise IdentificationError("nothing was free, so there is nothing to sample.", fit.stage)
+            raise IdentificationError("no parameter was free, so there is nothing to sample.", fit.stage)
         box = np.array([box_of(problem.unknowns[k]) for k in at])
         end = np.array([fit.fitted[u.name] for u in problem.unknowns])
         return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
@@ -250,7 +254,7 @@ class _Density:
         """Return what a reader must know of the width of the draws."""
         if self.stretch is not None:
             return ()
-        return ("the errors of the fit are not limited by the data, so that only the noise of the readings is in the draws.",)
+        return ("the data do not limit the errors of the fit, so the draws include the noise of the readings only.",)
 
     def doubts(self, fit: Calibration) -> tuple[str, ...]:
         """Return why a density that takes residuals as independent and logged inputs as exact does not count."""
@@ -258,7 +262,10 @@ class _Density:
         slow = [t for t in (fit.autocorrelation.traces if fit.autocorrelation else ()) if wanders(t.effective_samples, t.samples)]
         if slow:
             t = min(slow, key=lambda t: t.effective_samples / t.samples)
-            out.append(f"residuals of '{t.sensor}' in '{t.record}' are not independent ({t.samples} are worth {t.effective_samples:.3g})")
+            out.append(
+                f"residuals of '{t.sensor}' in '{t.record}' are autocorrelated (effective sample size of {t.samples}: "
+                f"{t.effective_samples:.3g})"
+            )
         return tuple(out)
 
     def errors(self, fit: Calibration) -> Array:

@@ -1,4 +1,4 @@
-"""`profile` and `valley`: how far one parameter, or two that may make up for each other, can go before the readings object."""
+"""`profile` and `valley`: how far one parameter, or two that may compensate each other, can go before the readings object."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Profile(Result):
         sure = f"{100 * self.level:.3g} %"
         ends = [self.shown(v) if ok else "" for v, ok in zip((self.low, self.high), self.limited, strict=True)]
         if all(self.limited):
-            text = f"{head}: {sure} sure between {ends[0]} and {ends[1]} {self.unit}"
+            text = f"{head}: {sure} confidence interval from {ends[0]} to {ends[1]} {self.unit}"
         elif any(self.limited):
             text = f"{head}: {sure} sure {'above' if self.limited[0] else 'below'} {ends[0] or ends[1]} {self.unit}"
         else:
@@ -117,7 +117,7 @@ class Profile(Result):
                 to = f"the bound {self.shown(bound)}" if np.isfinite(bound) else f"{self.shown(end)}, the farthest tried"
                 text += f"; no {side} limit down to {to}" if side == "lower" else f"; no {side} limit up to {to}"
         plain = [self.shown(self.best + side * self.threshold**0.5 * self.error) for side in (-1.0, 1.0)]
-        return f"{text}. The standard error alone would say {plain[0]} to {plain[1]}."
+        return f"{text}. By the standard error alone: {plain[0]} to {plain[1]}."
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the growth of the sum of squares, and the growth at the ends of the interval."""
@@ -181,7 +181,7 @@ def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     from scipy.special import gammaincinv
 
     if not 0.0 < level < 1.0:
-        raise IdentificationError(f"a level of {level:g} is no probability; give one between 0 and 1, such as 0.95.", "profile")
+        raise IdentificationError(f"a level of {level:g} is not a probability. Give one between 0 and 1, such as 0.95.", "profile")
     problem, k = asked(fit, path)
     threshold = float(2.0 * gammaincinv(0.5, level))
     at = np.array([fit.fitted[u.name] for u in problem.unknowns])
@@ -311,7 +311,7 @@ class Valley(Result):
 
 @takes_objects
 def valley(source: Calibration | Identifiability, first: str, second: str, points: int = GRID) -> Valley:
-    """Return how the fit worsens over two parameters; where they can make up for each other, the map shows a valley.
+    """Return how the fit worsens over two parameters; where they can compensate each other, the map shows a valley.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ def valley(source: Calibration | Identifiability, first: str, second: str, point
     Everything else follows by one step of Gauss and Newton at each point, from where the derivatives at the best place it.
     """
     if first == second:
-        raise IdentificationError(f"a valley lies between two parameters; '{first}' was given twice.", "valley")
+        raise IdentificationError(f"a valley needs two different parameters; '{first}' was given twice.", "valley")
     if isinstance(source, Calibration):
         (problem, i), (_, j) = asked(source, first), asked(source, second)
         at = np.array([source.fitted[u.name] for u in problem.unknowns])

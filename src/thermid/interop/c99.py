@@ -249,7 +249,7 @@ class _Header:
 
     def _sizes(self) -> Iterator[str]:
         w, switches = self.w, self._switches()
-        yield from ("", "/* Nodes, as they stand in m.T. */")
+        yield from ("", "/* Nodes, as they are in m.T. */")
         for k, (node, word) in enumerate(identifiers(self.order).items()):
             yield f"#define @_NODE_{word} {k} /* {_comment(node)} */"
         yield "enum {"

@@ -91,13 +91,14 @@ class Equations:
 
         if len(self.states) > MOST_STATES:
             raise ThermidError(
-                f"{self.title} has {len(self.states)} states; a steady state in symbols is readable up to {MOST_STATES}. Use steady().",
+                f"{self.title} has {len(self.states)} states; a symbolic steady state is limited to {MOST_STATES}. Use steady() for "
+                "numbers.",
                 self.title,
             )
         heat = [self.expanded(q) for q in self.heat]
         found = sympy.solve(heat, self.states, dict=True)
         if not found or set(found[0]) != set(self.states):
-            raise ThermidError("there is no steady state: a part has no path to a boundary.", self.title)
+            raise ThermidError("no steady state exists: a part has no path to a boundary. Connect it.", self.title)
         return {t: sympy.factor(found[0][t]) for t in self.states}
 
     def expanded(self, expression: Expr) -> Expr:
@@ -213,7 +214,7 @@ class _Symbols:
             path = model.canonical(raw)
             refuse_unknown([path], (*rows, *places, *loads), model.title, f"no conductor, node or load '{raw}' to name.", NameNotFoundError)
             if not re.fullmatch(r"[A-Za-z]\w*", name):
-                raise ThermidError(f"'{name}' is no symbol: letters, digits and _, beginning with a letter.", model.title)
+                raise ThermidError(f"'{name}' is not a valid symbol. Use letters, digits and _, beginning with a letter.", model.title)
             given[path] = name
         short = identifiers(dict.fromkeys((*rows, *places, *loads)))
         self.resistance = {r: given.get(r, f"R_{short[r]}") for r in rows}
@@ -225,7 +226,7 @@ class _Symbols:
         every = [*self.resistance.values(), *self.temperature.values(), *self.power.values(), *self.capacitance.values(), "Delta"]
         twice = next((name for name in every if every.count(name) > 1), "")
         if twice:
-            raise ThermidError(f"the symbol '{twice}' would stand for two things. Name one of them otherwise.", model.title)
+            raise ThermidError(f"the symbol '{twice}' would have two meanings. Choose another name for one of them.", model.title)
 
 
 class _Derivation:
@@ -240,7 +241,9 @@ class _Derivation:
         crooked += [(name, "a control") for name in network.controls]
         if crooked:
             raise DeckError(
-                f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}); equations in symbols need one.", network.title
+                f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}), so it has no symbolic equation. Use a linear "
+                "conductor, or steady() for numbers.",
+                network.title,
             )
         make = self._symbol
         self.symbols: dict[str, str] = {}
@@ -300,7 +303,8 @@ class _Derivation:
         star = {next(iter(pair - {node})): _parallel(arms) for pair, arms in self.arms.items() if node in pair}
         if not star:
             raise DeckError(
-                f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", self.network.title
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.",
+                self.network.title,
             )
         self.arms = {pair: arms for pair, arms in self.arms.items() if node not in pair}
         ends = list(star)

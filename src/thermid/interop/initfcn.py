@@ -107,8 +107,8 @@ class _Reader:
             raise ExpressionError(f"'{s.written}' cannot be read: {error.message}", where) from None
         unknown = [n for n in expression.names if n not in self.numbers]
         if unknown:
-            late = "its line comes later, and a script is read from its top" if unknown[0] in s.later else "no earlier line sets it"
-            raise ExpressionError(f"'{s.name}' needs '{unknown[0]}', and {late}. Only names, numbers, pi and Inf can stand there.", where)
+            late = "it is set in a later line" if unknown[0] in s.later else "no earlier line sets it"
+            raise ExpressionError(f"'{s.name}' needs '{unknown[0]}', and {late}. Use only earlier names, numbers, pi and Inf.", where)
         try:
             number = float(expression.evaluate(lambda name: self.numbers[name]))
         except ArithmeticError as error:
@@ -125,12 +125,11 @@ class _Reader:
 
     def _check_name(self, s: Statement, where: str) -> None:
         if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
-            raise ExpressionError(
-                f"'{s.name}' is a word that the expressions of a deck cannot hold as a name. Rename it in the script.", where
-            )
+            raise ExpressionError(f"'{s.name}' is a reserved word of expressions in decks. Rename it in the script.", where)
         if s.name in self.numbers:
             raise ExpressionError(
-                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, and a parameter has one value. Take one of them out.",
+                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, but a parameter has one value. Remove one of the "
+                "lines.",
                 where,
             )
 
@@ -143,7 +142,9 @@ class _Reader:
                 return text, f"{s.comment} {others}".strip()
         shown = " ".join(f"[{b}]" for b in s.brackets)
         if shown:
-            self.remarks.append(f"line {s.line}: '{shown}' behind '{s.name}' is no unit that is known here; taken as a plain number")
+            self.remarks.append(
+                f"line {s.line}: '{shown}' after '{s.name}' is not a known unit, so its value is taken as a plain number. Correct the unit"
+            )
         return None, f"{s.comment} {shown}".strip()
 
     def _written(self, s: Statement, number: float, of: str | None) -> tuple[str, str]:
@@ -151,7 +152,9 @@ class _Reader:
         names = parse(s.text).names
         if not names:
             if of is None and not s.brackets:
-                self.remarks.append(f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt}; taken as a plain number")
+                self.remarks.append(
+                    f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt}, so its value is taken as a plain number. Add the unit"
+                )
             return (s.text if of is None else f"{s.text} [{of}]"), ""
         derived = self._derived(s.text)
         plain = f"{number!r} [{of}]" if of is not None else repr(number)
@@ -159,8 +162,8 @@ class _Reader:
             if derived is not None:
                 return s.text, ""
             self.remarks.append(
-                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none; "
-                f"its {number:.10g} is taken as a plain number"
+                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none, "
+                f"so its {number:.10g} is taken as a plain number. Add the unit to the comment"
             )
             return plain, f"{s.written} in the script"
         wanted = unit(of)
@@ -221,7 +224,7 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     """
     text, file = _source(source)
     if len(text) > _LONGEST:
-        raise ThermidError(f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes.", file)
+        raise ThermidError(f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes. Check the file.", file)
     reader = _Reader(file)
     for statement in statements(text, file, {"pi": PI, "Inf": "inf"}):
         reader.take(statement)
@@ -319,7 +322,7 @@ def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:
     if depth:
         raise ExpressionError("a block comment '%{' is not closed by '%}'.", file)
     if code.strip():
-        raise ExpressionError("the script ends in the middle of a statement: nothing follows its last '...'.", f"{file}:{start}")
+        raise ExpressionError("the script ends within a statement: nothing follows its last '...'.", f"{file}:{start}")
 
 
 def _cut(line: str) -> tuple[str, str, bool]:
@@ -336,7 +339,7 @@ def _assignment(part: str, where: str, number: int, constants: Mapping[str, str]
     head = _HEAD.match(part)
     if head is None:
         raise ExpressionError(
-            f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn is read as values only; take this line out.", where
+            f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn may hold values only. Remove this line.", where
         )
     written = head["rest"].strip()
     return Statement(number, head["name"], written, _expression(written, where, constants))
@@ -356,22 +359,22 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
         if word is None:
             rest = written[place:].strip()
             raise ExpressionError(
-                f"'{_shortened(written)}': '{_shortened(rest, 20)}' is not understood. Read are single numbers, earlier names, pi, Inf, "
-                "+ - * / ^ and parentheses; texts, vectors, calls and structures are not.",
+                f"'{_shortened(written)}': '{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
+                "/ ^ and parentheses; no texts, vectors, calls or structures.",
                 where,
             )
         if word["sign"] == "(" and words and (words[-1].isidentifier()):
             raise ExpressionError(
-                f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element; write the number instead.", where
+                f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element. Write the number instead.", where
             )
         words.append(word["number"] or word["name"] or word["sign"].lstrip("."))
         place = word.end()
     if not words:
-        raise ExpressionError("nothing stands behind the equals sign.", where)
+        raise ExpressionError("the value after the equals sign is missing.", where)
     for k, word_ in enumerate(words):
         if word_ == "^" and _operand_end(words, k + 1) < len(words) and words[_operand_end(words, k + 1)] == "^":
             raise ExpressionError(
-                f"'{_shortened(written)}' has two powers in a row, which MATLAB takes from the left and a deck from the right. "
+                f"'{_shortened(written)}' has two powers in a row, which MATLAB evaluates from the left and a deck from the right. "
                 "Put one of them in parentheses.",
                 where,
             )
@@ -450,13 +453,14 @@ def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: 
     left = [n for n in named if n not in used]
     if not left:
         raise DeckError(
-            f"nothing in the script is in [{text}], so the block has no {role}. Write the unit into the comment of its line, or import "
-            "without the block and write the elements into the deck.",
+            f"no value of the script has the unit [{text}], so the block has no {role}. Write the unit into the comment of its line, "
+            "or import without the block and write the elements into the deck.",
             where,
         )
     if len(left) > 1:
         raise DeckError(
-            f"{' and '.join(repr(n) for n in left)} are both in [{text}], so the block's {role} is open. Import without the block and "
+            f"{' and '.join(repr(n) for n in left)} both have the unit [{text}], so the block's {role} is ambiguous. Import without "
+            "the block and "
             "write the elements into the deck.",
             where,
         )

@@ -60,8 +60,8 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title).strip("_"))
     if not re.fullmatch(r"[A-Za-z]\w{0,62}", called) or called in KEYWORDS or called in OWN:
         raise DeckError(
-            f"'{called}' is no name of a function: letters, digits and _, beginning with a letter, and no word of the language or "
-            f"of the file itself ({', '.join(OWN)}). "
+            f"'{called}' is not a valid name of a function. Use letters, digits and _, beginning with a letter, and no reserved word "
+            f"of the language or of the file ({', '.join(OWN)}). "
             "Give another file name.",
             model.title,
         )

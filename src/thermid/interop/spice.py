@@ -116,7 +116,10 @@ class _Netlist:
         """Return a table of straight lines as SPICE has it; it goes on as a line there, so that points far out hold the last value."""
         x, y, held = table_points(curve)
         if not held:
-            raise DeckError("a table that is refused outside its points is not written to SPICE, which would go on.", self.w.network.title)
+            raise DeckError(
+                "a table with outside = 'refuse' is not written to SPICE, which would extrapolate. Use outside = 'hold'.",
+                self.w.network.title,
+            )
         x, y = [x[0] - FAR, *x, x[-1] + FAR], [y[0], *y, y[-1]]
         return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"
 

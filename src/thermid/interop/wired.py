@@ -236,12 +236,14 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
     """Refuse laws of conductors and stores that a format does not hold."""
     for row in numbers.conductors:
         if (row.form in MOVING and not writer.hinges) or (row.form in ("gas", "natural") and not writer.gas):
-            kind = "a table that follows values" if row.form in MOVING else "a law of gas at a pressure, which rests on tables"
+            kind = "a table that depends on parameters" if row.form in MOVING else "a law of gas at a pressure, which uses tables"
             raise DeckError(f"'{row.name}' is {kind}, which is not written to {writer.name}.", network.title)
     curves = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
     for name, curve in curves.items():
         if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
-            raise DeckError(f"'{name}' is a smooth table, which is not written to {writer.name}; straight lines are.", network.title)
+            raise DeckError(
+                f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.", network.title
+            )
     for node in network.stores:
         raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {writer.name}.", network.title)
 
@@ -389,7 +391,9 @@ def _check_reached(w: Wired) -> None:
     """Refuse a massless node that nothing leads to."""
     for node in w.massless:
         if not any(value_of(row.coefficients[0]) > 0 for _, row in w.conductors if node in row.ends):
-            raise DeckError(f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", w.network.title)
+            raise DeckError(
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", w.network.title
+            )
 
 
 def one_line(text: str) -> str:

@@ -82,8 +82,8 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
     if not common:
         known = ", ".join(simulated.channels)
         raise RecordError(
-            f"'{measured.name}' and '{simulated.name}' have no column of one name; the second has {known}. "
-            "Give the columns of the simulation the names of the sensors.",
+            f"'{measured.name}' and '{simulated.name}' have no column name in common; the second has {known}. Name the columns of the "
+            "simulation like the sensors.",
             "two logs",
         )
     out = []
@@ -104,7 +104,7 @@ def _refuse_blank(name: str, times: Array, rows: Array, valid: Bools) -> None:
     """
     run, places, where = rows[valid], np.flatnonzero(valid), "two logs"
     if not times.size or not run.size:
-        raise RecordError(f"'{name}' has no {'simulated number' if times.size else 'reading'} at all. Leave the column out.", where)
+        raise RecordError(f"'{name}' has no {'simulated number' if times.size else 'reading'} at all. Remove the column.", where)
     if times[0] < run[0] - 1e-9 or times[-1] > run[-1] + 1e-9:
         raise RecordError(
             f"the simulated numbers of '{name}' run from {run[0]:g} s to {run[-1]:g} s, its readings from {times[0]:g} s to "
@@ -115,7 +115,9 @@ def _refuse_blank(name: str, times: Array, rows: Array, valid: Bools) -> None:
     for a, b in zip(run[gaps], run[gaps + 1], strict=True):
         if ((times > a + 1e-9) & (times < b - 1e-9)).any():
             raise RecordError(
-                f"the simulation has no numbers for '{name}' between {a:g} s and {b:g} s, where there are readings. Mask these.", where
+                f"the simulation has no numbers for '{name}' between {a:g} s and {b:g} s, but the log has readings there. Mask them, "
+                "or simulate this time.",
+                where,
             )
 
 
@@ -140,13 +142,13 @@ class Exclusions:
         IdentificationError   Which, and how many may be left out.
         """
         for sensor, reason in self.reasons.items():
-            refuse_unknown([sensor], sensors, "exclusions", "'{}' is excluded, but is no sensor here.", IdentificationError)
+            refuse_unknown([sensor], sensors, "exclusions", "'{}' is excluded, but is not a sensor here.", IdentificationError)
             if not reason.strip():
-                raise IdentificationError(f"'{sensor}' is excluded without a reason. Say what is wrong with it.", "exclusions")
+                raise IdentificationError(f"'{sensor}' is excluded without a reason. State what is wrong with it.", "exclusions")
         if len(self.reasons) > self.cap * len(sensors) + 1e-9:
             raise IdentificationError(
                 f"{len(self.reasons)} of {len(sensors)} sensors are excluded, the project allows {100 * self.cap:g} %. "
-                "A model that only meets its criteria without these sensors does not meet them.",
+                "A model that meets its criteria only without these sensors does not meet them. Exclude fewer sensors.",
                 "exclusions",
             )
 
@@ -189,7 +191,7 @@ class Correlation(Result):
         outcomes = [g.passed for g in self.gates if g.criteria == criteria]
         if not outcomes:
             known = dict.fromkeys(g.criteria for g in self.gates)
-            raise NameNotFoundError(f"nothing was judged by '{criteria}'.{nearest(criteria, known)}", self.title)
+            raise NameNotFoundError(f"no result for the criteria '{criteria}'.{nearest(criteria, known)}", self.title)
         return weigh(outcomes)
 
     @property
@@ -259,15 +261,15 @@ def correlate(
     else:
         pairs = tuple(o for o in readings if isinstance(o, Overlay))
     if not pairs:
-        raise IdentificationError("there are no readings to compare with.", title)
+        raise IdentificationError("the log has no readings to compare with.", title)
     sensors = list(dict.fromkeys(o.sensor for o in pairs))
     left_out = exclusions or Exclusions()
     left_out.check(sensors)
     for sensor, weight in (weights or {}).items():
         if sensor not in sensors or not weight > 0:
-            raise IdentificationError(f"'{sensor}' has weight {weight:g}: a weight is above zero and belongs to a sensor.", title)
+            raise IdentificationError(f"'{sensor}' has weight {weight:g}. Give a sensor a weight above zero.", title)
     windows = {case: tuple(stretches) for case, stretches in (steady or {}).items()}
-    unread = "settled stretches are given for '{}', of which there is no log."
+    unread = "steady periods are given for '{}', which has no log."
     refuse_unknown(windows, [o.case for o in pairs], title, unread, IdentificationError)
     deviations = []
     for o in pairs:
@@ -290,8 +292,8 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
     inside = _inside(o, window)
     if not inside.any():
         raise IdentificationError(
-            f"the settled stretch from {window[0]:g} s to {window[1]:g} s holds no reading of '{o.sensor}' in '{o.case}'. Name another "
-            "stretch, or exclude the sensor and say why.",
+            f"the steady period from {window[0]:g} s to {window[1]:g} s holds no reading of '{o.sensor}' in '{o.case}'. Name another "
+            "period, or exclude the sensor and state why.",
             o.case,
         )
     if kind == "steady" and not reason:
@@ -311,8 +313,8 @@ def _refuse_partly_read(o: Overlay, window: Window, seen: Array) -> None:
     slack = ENDS * (usual_step(o.times) if o.times.size > 1 else 0.0) + 1e-9
     if seen[0] > window[0] + slack or seen[-1] < window[1] - slack:
         raise IdentificationError(
-            f"the settled stretch from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from {seen[0]:g} s to "
-            f"{seen[-1]:g} s only. Name a stretch that it covers, or exclude the sensor and say why.",
+            f"the steady period from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from {seen[0]:g} s to "
+            f"{seen[-1]:g} s only. Name a period that it covers, or exclude the sensor and state why.",
             o.case,
         )
 
@@ -339,8 +341,8 @@ def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str |
     common = [c for c in first if c in second and c != (time or first[0])]
     if not common:
         raise RecordError(
-            f"'{measured.name}' and '{simulated.name}' have no column of one name besides the time: {', '.join(first)} against "
-            f"{', '.join(second)}. Give the columns of the simulation the names of the sensors.",
+            f"'{measured.name}' and '{simulated.name}' have no column name in common besides the time: {', '.join(first)} against "
+            f"{', '.join(second)}. Name the columns of the simulation like the sensors.",
             "two logs",
         )
     extra: dict[str, object] = {"accuracy": accuracy} if accuracy else {}

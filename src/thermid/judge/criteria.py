@@ -11,11 +11,13 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, ScenarioError, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.judge.metrics import METRICS, Residuals, metric, metric_keys
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.renamed import Renamed
 from thermid.sourced import check_mark
+from thermid.toml_files import Places
 
 KINDS = ("steady", "transient")
 EACH = {"steady": "mean", "transient": "largest"}
@@ -70,14 +72,14 @@ class Criteria:
     ) -> None:
         place = where or (f"criteria '{name}'" if name else "criteria")
         if limits is not None and not isinstance(limits, Mapping):
-            raise ScenarioError(f"limits are a table, not {limits!r}: Criteria(rmse='0.5 [K]', max_error='2 [K]').", place)
+            raise ScenarioError(f"give limits as a table, not {limits!r}: Criteria(rmse='0.5 [K]', max_error='2 [K]').", place)
         common = _kelvin({**(limits or {}), **more}, place)
         sensor_limits = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
         check_mark(mark, place)
         if name and not common:
-            raise ScenarioError(f"a set of criteria needs a limit above zero: {', '.join(known_criteria())}.", place)
+            raise ScenarioError(f"a set of criteria needs at least one limit above zero: {', '.join(known_criteria())}.", place)
         if not isinstance(share, int | float) or not 0 < share <= 1:
-            raise ScenarioError(f"the share of sensors that must meet a limit lies above 0 and up to 1, not at {share}.", place)
+            raise ScenarioError(f"the share of sensors that must meet a limit must be above 0, up to 1; given: {share}.", place)
         refuse_unknown(kinds or ("",), KINDS, place, "criteria apply to steady or transient cases, not to '{}'.", ScenarioError)
         fields = {
             "name": name,
@@ -97,6 +99,7 @@ class Criteria:
         """Criteria from a table of a plan, which gives them a name, or of a verdict of a campaign, which has `sensors`."""
         known = (*known_criteria(), *(PLAIN if name else ("sensors",)))
         refuse_unknown(table, known, where, "there is no criterion '{}'.", ScenarioError)
+        table = by_grammar("thermid.judge.schema.CriteriaTable", table, Places(where)).written
         fields = {k: table[k] for k in PLAIN if k in table}
         limits = _parsed({k: v for k, v in table.items() if k not in (*PLAIN, "sensors")}, where)
         sensor_limits = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}
@@ -111,9 +114,7 @@ class Criteria:
         """
         limits = {**self.limits, **self.sensors.get(sensor, {})}
         if not limits:
-            raise IdentificationError(
-                f"no criterion is given for '{sensor}'. A verdict needs at least one limit: rmse, max_error or mean_error."
-            )
+            raise IdentificationError(f"'{sensor}' has no criterion. Give it at least one limit: rmse, max_error or mean_error.")
         return limits
 
 
@@ -135,7 +136,7 @@ def _parsed(table: Any, where: str) -> Any:
 def _kelvin(limits: Mapping[str, str | float], where: str) -> dict[str, float]:
     """Limits in kelvin by known metrics; an empty text is none."""
     if not isinstance(limits, Mapping):
-        raise ScenarioError("the criteria of a sensor are a table such as { rmse = '1 [K]' }.", where)
+        raise ScenarioError("give the criteria of a sensor as a table such as { rmse = '1 [K]' }.", where)
     out: dict[str, float] = {}
     for key, limit in limits.items():
         if key != "each":
@@ -263,7 +264,7 @@ class Check(Renamed):
 
     def __str__(self) -> str:
         """Return the check as a line."""
-        word = "not decided: limit from memory" if self.passed is None else "met" if self.met else "NOT met"
+        word = "not decided, because the limit is quoted from memory" if self.passed is None else "met" if self.met else "NOT met"
         place = f" at {self.sensor}" if self.sensor else ""
         more = f", {len(self.outside)} of {self.counted} beyond" if self.outside else ""
         what = {"each": "largest sensor"}.get(self.criterion, f"largest {self.title}" if self.sensor else self.over_sensors)
@@ -285,13 +286,17 @@ def judge(criteria: Criteria, deviations: Sequence[Deviation], where: str) -> It
     IdentificationError   When a criterion has no data, or limits of single sensors are given, which a verdict judges.
     """
     if criteria.sensors:
-        raise IdentificationError(f"limits of single sensors, such as '{next(iter(criteria.sensors))}', are judged by a verdict.", where)
+        raise IdentificationError(
+            f"limits of single sensors, such as '{next(iter(criteria.sensors))}', apply in a verdict only. Use td.validate.", where
+        )
     for kind in criteria.kinds:
         counted = [d for d in deviations if d.kind == kind and not d.excluded]
         if not counted:
-            how = "give its settled stretches" if kind == "steady" else "give a log"
-            raise IdentificationError(f"the criteria '{criteria.name}' judge {kind} cases, and there is no data for them; {how}.", where)
-        # each case by itself, or too warm in one would make up for too cold in another
+            how = "give its steady periods" if kind == "steady" else "give a log"
+            raise IdentificationError(
+                f"the criteria '{criteria.name}' apply to {kind} cases, but there are no data for them: {how}.", where
+            )
+        # each case by itself, or too warm in one would compensate too cold in another
         for case in dict.fromkeys(d.case for d in counted):
             sensors = [d for d in counted if d.case == case]
             for key, limit in criteria.limits.items():

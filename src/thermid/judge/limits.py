@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,19 +12,17 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.linear_algebra import Array, Bools
-from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solution import Solution, Trace
 from thermid.simulation.solver.extremes import Dense, resolved
 from thermid.sourced import check_mark
-from thermid.toml_files import read_toml
-from thermid.units import TEMPERATURE
+from thermid.toml_files import Places, read_toml
 
 Ends = tuple[float, float]
 STATES = {"operating": "operating", "non-operating": "non_operating", "start-up": "start_up"}
 """State of a unit -> the limit that holds in it."""
-KEYS = ("node", *STATES.values(), "loads", "mark", "source")
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,7 @@ class Limits:
         where = f"limits of '{self.point}'"
         check_mark(self.mark, where)
         if not np.isfinite(self.operating).any():
-            raise ScenarioError(
-                "operating: neither end is a number, so nothing would be checked. Give the lower, the upper, or both.", where
-            )
+            raise ScenarioError("operating: both ends are empty, so no limit would be checked. Give the lower, the upper, or both.", where)
         for state, field in STATES.items():
             ends = getattr(self, field)
             if ends is not None and not ends[0] < ends[1]:
@@ -76,8 +72,8 @@ class Limits:
                 if wrong:
                     k = 0 if side == "lower" else 1
                     raise ScenarioError(
-                        f"the {side} {inner} limit, {text_of(a[k])}, lies beyond the {side} {outer} one, {text_of(b[k])}; what a unit "
-                        "bears switched off it must bear at least as far as what it works at.",
+                        f"the {side} {inner} limit, {text_of(a[k])}, lies beyond the {side} {outer} one, {text_of(b[k])}. "
+                        "Non-operating limits must be at least as wide as operating limits.",
                         where,
                     )
 
@@ -101,33 +97,22 @@ def load_limits(path: str | os.PathLike[str]) -> tuple[Limits, ...]:
     ScenarioError   When a key is unknown, a limit is no pair of temperatures, or limits are in the wrong order.
     """
     target = Path(path)
-    data, _ = read_toml(target)
-    return read_limits(data, target.name)
+    data, lines = read_toml(target)
+    return read_limits(data, Places(target.name, lines))
 
 
-def read_limits(tables: Mapping[str, Any], where: str) -> tuple[Limits, ...]:
-    """Return limits from tables: name of a reference point -> node, operating, non_operating, start_up, loads, mark, source."""
+def read_limits(tables: Mapping[str, Any], where: str | Callable[[str], str]) -> tuple[Limits, ...]:
+    """Return limits from tables: name of a reference point -> node, operating, non_operating, start_up, loads, mark, source.
+
+    Raises
+    ------
+    ScenarioError   As in `load_limits`; `where` is the file, or says the place of each key in it.
+    """
+    place = Places(where) if isinstance(where, str) else where
     if not tables:
-        raise ScenarioError("no limits are given. Write a table per reference point: node, operating = [low, high].", where)
-    return tuple(_limits(name, table, f"{where}, {name}") for name, table in tables.items())
-
-
-def _limits(name: str, table: Any, where: str) -> Limits:
-    if not isinstance(table, Mapping):
-        raise ScenarioError("a reference point is a table with node and operating = [low, high].", where)
-    refuse_unknown(table, KEYS, where, "a reference point has {known}, not '{}'.", ScenarioError)
-    if "node" not in table or "operating" not in table:
-        raise ScenarioError("a reference point needs its node, and operating = [low, high].", where)
-    ends = {field: _ends(table[field], f"{where}.{field}") for field in STATES.values() if field in table}
-    loads, mark = table.get("loads", []), str(table.get("mark", "project"))
-    return Limits(name, str(table["node"]), **ends, loads=tuple(loads), mark=mark, source=str(table.get("source", "")))
-
-
-def _ends(pair: Any, where: str) -> Ends:
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
-        raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end that nobody set.', where)
-    low, high = (literal(t, TEMPERATURE, where) if t else None for t in pair)
-    return (-np.inf if low is None else low, np.inf if high is None else high)
+        raise ScenarioError("no limits are given. Write a table per reference point: node, operating = [low, high].", place(""))
+    read = by_grammar("limits", tables, place).root
+    return tuple(Limits(name, **{**dict(table), "loads": tuple(table.loads)}) for name, table in read.items())
 
 
 @dataclass(frozen=True)
@@ -199,7 +184,7 @@ class LimitCheck:
     def undecided(self) -> str:
         """Why it is not decided; empty where it is."""
         if self.mark == "memory":
-            return f"the limits of {self.point} are from memory"
+            return f"the limits of {self.point} are quoted from memory"
         if self.stand_in and self.crossings:
             return f"{self.point} is beyond its operating limits while it is switched off, and no non-operating limits are given"
         return ""
@@ -207,13 +192,13 @@ class LimitCheck:
     def __str__(self) -> str:
         """Return the check as a line."""
         ends = " .. ".join(map(text_of, self.limits))
-        how = ("" if self.by == "predicted" else f", {self.by}") + (", between samples unknown" if self.sampled else "")
+        how = ("" if self.by == "predicted" else f", {self.by}") + ("; not known between samples" if self.sampled else "")
         head = f"{self.point} {self.state}{how}: {text_of(self.lowest)} .. {text_of(self.highest)} within {ends}"
         if not self.crossings:
             return f"{head}, {self.room:.1f} K left"
         words = {"high": "upper", "low": "lower"}
         said = "; ".join(
-            f"passes the {words[c.side]} limit at {c.time:.0f} s, furthest {text_of(c.worst)} at {c.worst_time:.0f} s, "
+            f"exceeds the {words[c.side]} limit at {c.time:.0f} s, furthest {text_of(c.worst)} at {c.worst_time:.0f} s, "
             f"{c.outside:.0f} s beyond"
             for c in self.crossings
         )

@@ -182,13 +182,13 @@ class Margin(Result):
     def undecided(self) -> str:
         """Why it is not decided; empty where it is."""
         if self.mark == "memory":
-            return "a number from memory"
+            return "a number quoted from memory"
         if self.margin < 0:
             return ""
         if self.error <= 0 and not self.given:
-            return "nothing is known of the model's error: fit it, or state a spread"
+            return "the model's error is not known. Fit the model, or state a spread"
         if self.with_assumed < 0:
-            return f"assumed values alone may move it by {self.assumed:.1f} K. Measure them, or state their spread"
+            return f"assumed values alone may change it by {self.assumed:.1f} K. Measure them, or state their spread"
         return ""
 
     @property
@@ -238,7 +238,7 @@ def margins(
     ScenarioError       Without a run.
     """
     if isinstance(policy, str):
-        policy = look_up(policy, POLICIES, f"no margin policy '{{}}'; there are {'; '.join(POLICIES)}.", "margins")
+        policy = look_up(policy, POLICIES, f"unknown margin policy '{{}}'. Use one of {'; '.join(POLICIES)}.", "margins")
     if not runs:
         raise ScenarioError("margins need at least one run.", "margins")
     out = []

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, IdentificationError, refuse_unknown
+from thermid.errors import IdentificationError, refuse_unknown
 from thermid.files import OWN, write_text
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
@@ -28,6 +28,7 @@ from thermid.prediction.records import RecordPrediction, record_bands, record_re
 from thermid.results import PlottedTrace, Result, Row
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced import VERDICTS, weigh
+from thermid.toml_files import read_json
 from thermid.units import counted
 
 FILE = "looks.json"
@@ -89,17 +90,7 @@ def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
     path = folder / FILE if folder is not None else None
     if path is None or not path.is_file():
         return ()
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(content, list):
-            raise TypeError
-        return tuple(RecordedLook(**one) for one in content)
-    except (ValueError, TypeError):
-        raise DeckError(
-            "the file is damaged. It says which records failed a verdict before; without it they would pass for independent ones. "
-            "Restore it from the version control or a backup. Remove it only if no record of this folder ever failed.",
-            str(path),
-        ) from None
+    return tuple(RecordedLook(**dict(one)) for one in read_json(path, "looks").root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,15 +146,15 @@ class Verdict(Result):
         """Return the verdict as text, criterion by criterion."""
         about = f" ({self.title})" if self.title else ""
         if self.passed is None:
-            return f"{self.model} on {self.record}{about}: NOT JUDGED; the record stays unopened. {self.standing.line(self.model)}"
+            return f"{self.model} on {self.record}{about}: NOT JUDGED; the record was not read. {self.standing.line(self.model)}"
         word = "PASSED" if self.passed else "FAILED"
         condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
         lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
         if self.failed_before:
             first = self.failed_before[0]
             lines.append(
-                f"  no longer unseen: {counted(len(self.failed_before), 'failed verdict')} on it since "
-                f"{first.date}, and a new fit since; what passes now may have been made to. Judge on another record."
+                f"  This record is no longer independent: the model failed {counted(len(self.failed_before), 'verdict')} on it since "
+                f"{first.date} and was refitted afterwards. Validate on another record."
             )
         for c in self.checks:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
@@ -220,11 +211,17 @@ def validate(
         return not_judged(calibration, record.name, title)
     user = calibration.seen.get(record.origin.sha256)
     if user is not None:
-        raise IdentificationError(f"record '{record.name}' was used by {user}; a validation needs data that no fit has seen.")
+        raise IdentificationError(
+            f"record '{record.name}' was used by {user}. A validation needs a hold-out record: use one that no fit used."
+        )
     prediction = fit(record_request(calibration, record, scenario, local, readings, window))
     statistics = prediction.statistics[record.name]
     refuse_unknown(
-        criteria.sensors or {}, statistics, "", f"criteria are given for '{{}}', which is no sensor of {record.name}.", IdentificationError
+        criteria.sensors or {},
+        statistics,
+        "",
+        f"criteria are given for '{{}}', which is not a sensor of {record.name}.",
+        IdentificationError,
     )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))

@@ -46,7 +46,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
     """
     if given == "range":
         if not np.isfinite(bounds).all():
-            raise ScenarioError("its deck gives no min and max to be its range. Give them, or a spread of its own.", where)
+            raise ScenarioError("'range' needs min and max of the value in its deck. Give them, or another spread.", where)
         return Uniform(*bounds)
     table: Mapping[str, Any] = {"sd": given} if isinstance(given, str) else given
     form = _form(table, where)
@@ -56,7 +56,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
     law: Normal | LogNormal
     if form == "log_sd":
         if slot in (TEMPERATURE, "K") or not mean > 0.0:
-            raise ScenarioError("only a value above zero that is no temperature has a logarithm to spread. Give sd.", where)
+            raise ScenarioError("log_sd applies only to a value above zero that is not a temperature. Give sd.", where)
         law = LogNormal(mean, _from_zero(literal(table["log_sd"], "1", where), where))
         size = law.log_sd
     else:
@@ -81,11 +81,11 @@ def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bo
         raise ScenarioError("one end is a temperature and the other a shift in kelvin. Write both in degC, or both in K.", where)
     low, high = (_value(table[k], slot, nominal, where) for k in ("low", "high"))
     if low > high:
-        raise ScenarioError("its low end lies above its high end.", where)
+        raise ScenarioError("its low end is above its high end. Exchange them.", where)
     slack = 1e-9 * max(abs(low), abs(high), 1e-300)
     if low < bounds[0] - slack or high > bounds[1] + slack:
         raise ScenarioError(
-            f"{table['low']} to {table['high']} passes the bounds of its deck, {bounds[0]:.6g} to {bounds[1]:.6g} in SI units. "
+            f"{table['low']} to {table['high']} exceeds the bounds of its deck, {bounds[0]:.6g} to {bounds[1]:.6g} in SI units. "
             'Give ends within them, or "range".',
             where,
         )
@@ -106,7 +106,7 @@ def _value(text: Any, slot: str, nominal: float, where: str) -> float:
         return literal(text, slot, where)
     if _absolute(text, where):
         if slot == "K":
-            raise ScenarioError(f"this varies in time or is a difference: give a shift in kelvin, such as 2 [K], not {text}.", where)
+            raise ScenarioError(f"this input varies in time or is a difference. Give a shift in kelvin, such as 2 [K], not {text}.", where)
         return literal(text, TEMPERATURE, where)
     shift = literal(text, "K", where)
     if slot == TEMPERATURE and abs(shift) > LARGEST_SHIFT:
@@ -120,18 +120,20 @@ def _deviation(text: Any, slot: str, mean: float, where: str) -> float:
     if own is None or own.unit.text != "%":
         return literal(text, "K" if slot == TEMPERATURE else slot, where)
     if slot in (TEMPERATURE, "K"):
-        raise ScenarioError("a temperature is not spread by per cent; give kelvin.", where)
+        raise ScenarioError("per cent do not apply to a temperature. Give kelvin.", where)
     return own.value * abs(mean)
 
 
 def _from_zero(sd: float, where: str) -> float:
     if not (sd >= 0.0 and np.isfinite(sd)):
-        raise ScenarioError("a standard deviation is a number from zero up.", where)
+        raise ScenarioError("a standard deviation must be zero or more.", where)
     return sd
 
 
 def _cut(law: Normal | LogNormal, bounds: tuple[float, float], where: str) -> Cut:
     out = Cut(law, *bounds)
     if not out.share > LEAST:
-        raise ScenarioError("hardly any value lies within the bounds of its deck. Choose a mean inside them, or a smaller spread.", where)
+        raise ScenarioError(
+            "almost all values of this spread lie outside the bounds of the deck. Choose a mean inside them, or a smaller spread.", where
+        )
     return out

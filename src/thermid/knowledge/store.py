@@ -381,7 +381,7 @@ class State:
         return exact(self.value, self.unit, str(self.origin))
 
     def under(self, part: str) -> State:
-        """Return it as it stands in a model that has this one as a part; instruments keep their names."""
+        """Return it as it is in a model that has this one as a part; instruments keep their names."""
         if self.kind != "parameter":
             return self
         ahead = f"{part}."
@@ -444,7 +444,7 @@ class Store:
         """
         found = self.states.get(path) or next((s for s in self.states.values() if path in s.paths), None)
         if found is None:
-            raise NameNotFoundError(f"nothing is known of '{path}'.{nearest(path, self.states)}")
+            raise NameNotFoundError(f"no fit or file gives '{path}'.{nearest(path, self.states)}")
         return found
 
     @property
@@ -530,7 +530,7 @@ class Store:
             now = deck_text(table[path]) if s.deck and (path := s.path[ahead:]) in table else s.deck
             if not _alike(s.deck, now):
                 gone[name] = Dropped(
-                    name, s.as_parameter().text, str(s.origin), f"the deck says {now}, it was {s.deck} when this was found"
+                    name, s.as_parameter().text, str(s.origin), f"the deck has {now}, but had {s.deck} when this value was fitted"
                 )
         return replace(self.only(lambda s: s.path not in gone), dropped=(*self.dropped, *gone.values())) if gone else self
 
@@ -540,7 +540,9 @@ class Store:
         states, remarks = dict(self.states), []
         for name, s in self.parameters.items():
             hidden = tuple(p for p in s.paths if table[p].origin != str(s.origin))
-            remarks += [f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which hides what {s.origin} found." for p in hidden]
+            remarks += [
+                f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which overrides the result of {s.origin}." for p in hidden
+            ]
             states[name] = replace(s, hidden=hidden)
         return replace(self, states=states), tuple(remarks)
 
@@ -628,11 +630,15 @@ def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[Sta
     if len(nearest_root) > 1:
         one, two = nearest_root[0][1].origin, nearest_root[1][1].origin
         raise DeckError(
-            f"{one} and {two} both give '{path}', and neither knew of the other. Inherit one of them, or leave the value out of one by "
+            f"{one} and {two} both give '{path}' independently of each other. Inherit one of them, or leave the value out of one by "
             f'without = ["{path}"].'
         )
     _, state, row = kept[0]
-    return state, row, [f"'{path}': {state.origin} wins over {s.origin}, which is further from the root." for _, s, _ in kept[1:]]
+    return (
+        state,
+        row,
+        [f"'{path}': the value of {state.origin} is used, not that of {s.origin}, which is deeper in the model." for _, s, _ in kept[1:]],
+    )
 
 
 def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:

@@ -14,20 +14,22 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, ThermidError, look_up
+from thermid.errors import DeckError, look_up
+from thermid.extensions import by_grammar
 from thermid.files import VALUES, parse_toml, read_text, write_text
-from thermid.knowledge.store import DISTRIBUTIONS, KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
+from thermid.knowledge.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree.replacement import Dropped
+from thermid.toml_files import Places
 from thermid.units import from_si, unit
 
 SCHEMA = 2
 AGREES = 1e-6
 """Relative difference between an error and its row beyond which a file was changed by hand. [-]"""
 OLD = (
-    "the values file is of the old format (schema 1): values that stage '{stage}' inherited are not in it, the response of its values to "
-    "convection exponents is taken as zero, and whether the decks changed since cannot be told. Run the campaign again to have all of it."
+    "the values file has the old format (schema 1). It lacks the values that stage '{stage}' inherited and the response to "
+    "convection exponents (taken as zero), and does not show whether the decks changed since. Run the campaign again to update it."
 )
 
 
@@ -163,7 +165,7 @@ class FittedValues(Mapping[str, FittedValue]):
             raise DeckError("an ensemble needs at least one member.", self.stage)
         loose = [p for p, c in zip(found, np.diag(found.covariance), strict=True) if not np.isfinite(c)]
         if loose:
-            raise DeckError(f"'{loose[0]}' has no finite error, so there is nothing to draw from. Leave it out with only().", self.stage)
+            raise DeckError(f"'{loose[0]}' has no finite error, so it cannot be drawn. Leave it out with only().", self.stage)
         sizes, vectors = np.linalg.eigh(found.covariance)
         root = vectors * np.sqrt(np.clip(sizes, 0.0, None))
         deviations = root @ np.random.default_rng(seed).standard_normal((len(found), members))
@@ -341,11 +343,6 @@ def _law_kept(law: Any) -> dict[str, Any]:
     return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in own.items()}
 
 
-def _law_read(table: Mapping[str, Any]) -> Any:
-    own = {n: _law_read(x) if isinstance(x, Mapping) else x for n, x in table.items() if n != "form"}
-    return DISTRIBUTIONS[table["form"]](**own)
-
-
 def _toml(value: Any) -> str:
     """Return a value on one line; every digit of a number is kept."""
     if isinstance(value, bool | np.bool_):
@@ -374,7 +371,7 @@ def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         return parse_toml(read_text(target))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None
+        raise DeckError(f"this is not a values file of thermid: {error}.", target.name) from None
 
 
 def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
@@ -386,33 +383,31 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     """
     target, data = Path(path), read_values(path)
     if not data:
-        raise DeckError("this is no values file of thermid: it is empty.", target.name)
+        raise DeckError("this is not a values file of thermid, because it is empty. Run the calibration again to write it.", target.name)
     if "schema" not in data:
         raise DeckError(
-            "this file was written by hand: its units and bounds are those of a deck. Lay it over one by --values, or give it to a stage "
-            "of a campaign as `values`.",
+            "this file was written by hand, so it needs the units and bounds of a deck. Use it with a deck by --values, or as "
+            "`values` of a campaign's stage.",
             target.name,
         )
-    try:
-        store = _read(data) if data["schema"] != 1 else _read_old(data)
-        stage = str(data["stage"])
-    except ThermidError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise DeckError(f"this is no values file of thermid: {error}.", target.name) from None
+    kind = "thermid.knowledge.schema.OldValuesFile" if data["schema"] == 1 else "values"
+    checked = by_grammar(kind, data, Places(target.name))
+    store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
     for name, v in data["values"].items():
         own, said = store.error(name), float(v["error"])
         if data["schema"] != 1 and own != said and not math.isclose(own, said, rel_tol=AGREES):
             raise DeckError(
-                f"the error of '{name}' is {said:g} in its table and {own:g} by its row: the file was changed by hand.", target.name
+                f"the error of '{name}' is {said:g} in its table and {own:g} in its row, so the file was changed by hand. Run the "
+                "calibration again.",
+                target.name,
             )
     return store, stage
 
 
-def _read(data: Mapping[str, Any]) -> Store:
+def _read(data: Mapping[str, Any], given: Sequence[Any]) -> Store:
+    """Return the store of a checked file; the laws of its sources are read."""
     states = {name: _state(name, v) for name, v in data["values"].items()}
-    given = data.get("sources", [])
-    sources = tuple(Source(s["name"], s["kind"], _law_read(s["law"]), s["words"]) for s in given)
+    sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in given)
     root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
     for group in data.get("root", []):
         columns = group["sources"]

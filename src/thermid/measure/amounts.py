@@ -30,7 +30,7 @@ def amount(given: object, slot: str, what: str) -> float:
         with errors_at(what):
             literal = parse(given).literal
             if literal is None:
-                raise RecordError(f"'{given}' is no number. Write a number with its unit, such as '4 [s]'.")
+                raise RecordError(f"'{given}' is not a number. Write a number with its unit, such as '4 [s]'.")
             require_unit(literal.unit, slot)
         value = literal.value
     else:

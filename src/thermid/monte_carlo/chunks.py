@@ -220,7 +220,7 @@ def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> It
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise ScenarioError(f"no cluster answers at '{address}'. Start one: dask scheduler, then dask worker {address}.") from error
+        raise ScenarioError(f"no cluster responds at '{address}'. Start one: dask scheduler, then dask worker {address}.") from error
     with client:
         shared = client.scatter(job, broadcast=True)
         futures = [client.submit(work, shared, first, members, pure=False) for first, members in wanted]

@@ -14,7 +14,7 @@ from thermid.linear_algebra import Array
 from thermid.monte_carlo.chunks import Job, run_members_of
 
 FEWEST = 30
-"""Members per input below which shares are not told apart from chance. [-]"""
+"""Members per input below which shares are not distinguishable from chance. [-]"""
 
 UNORDERED = ("scenario", "start_time", "scenario and start_time")
 """Inputs that are one of several things, none of which is more than another."""
@@ -127,13 +127,13 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
     except ImportError as error:
         raise MissingExtraError(missing(["SALib"], "an analysis of the spread")) from error
     path = job.model.canonical(node)
-    refuse_unknown([path], job.nodes, job.model.title, f"'{node}' was not kept.", NameNotFoundError)
+    refuse_unknown([path], job.nodes, job.model.title, f"'{node}' was not stored. Name it in 'nodes'.", NameNotFoundError)
     groups = _groups(job)
     names = list(dict.fromkeys(groups))
     if len(names) < 2:
-        raise ScenarioError("indices share a variance between two inputs or more; fewer are drawn.", job.model.title)
+        raise ScenarioError("Sobol's indices need at least two uncertain inputs; fewer are given.", job.model.title)
     if base < 2 or base & (base - 1):
-        raise ScenarioError(f"the base of the design is a power of two, not {base}.", job.model.title)
+        raise ScenarioError(f"the base of the design must be a power of two, not {base}.", job.model.title)
     half = 0.5**32  # a normal has no value at 0 or 1
     problem: dict[str, Any] = {
         "num_vars": len(groups),
@@ -145,7 +145,7 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
     parts = [run_members_of(job, numbers[:, k : k + job.chunk]) for k in range(0, numbers.shape[1], job.chunk)]
     failed = next((why for p in parts for why in p.failed.values()), "")
     if failed:
-        raise ScenarioError(f"a member of the design did not reach the end: {failed}", job.model.title)
+        raise ScenarioError(f"a run of the design failed: {failed}", job.model.title)
     if time is None:
         result = np.concatenate([p.highest(job.nodes, path) for p in parts])
     else:

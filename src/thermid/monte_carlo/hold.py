@@ -13,7 +13,8 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
-from thermid.errors import DeckError, ScenarioError, refuse_unknown
+from thermid.errors import ScenarioError
+from thermid.extensions import by_grammar
 from thermid.knowledge.store import LeftOut
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array
@@ -101,7 +102,7 @@ def clock(seconds: float) -> str:
     ('3 h 10 min', '9 min')
     """
     if math.isinf(seconds):
-        return "beyond the scenario"
+        return "longer than the scenario"
     minutes = int(seconds // 60)
     hours, rest = divmod(minutes, 60)
     return f"{hours} h {rest} min" if hours else f"{rest} min"
@@ -183,7 +184,7 @@ class Hold(Result):
         """Return the entry of a limit by the name that was given to it, or by its node."""
         points = [p for p in self.points if name in (p.name, p.node)]
         if not points:
-            raise ScenarioError(f"no limit was given for '{name}'; limits are {', '.join(p.name for p in self.points)}.", self.title)
+            raise ScenarioError(f"no limit was given for '{name}'. Limits: {', '.join(p.name for p in self.points)}.", self.title)
         return points[0]
 
     @property
@@ -191,7 +192,7 @@ class Hold(Result):
         """The answer in one sentence."""
         first, percent = self.points[0], f"{100 * self.confidence:g} %"
         if math.isinf(self.together.hold):
-            return f"{self.scenario}: no limit is passed in {clock(self.times[-1])}, {percent}"
+            return f"{self.scenario}: no limit is exceeded in {clock(self.times[-1])}, {percent}"
         return f"{self.scenario}: {clock(self.together.hold)} until {first.words}, {percent}"
 
     @property
@@ -205,14 +206,16 @@ class Hold(Result):
         lines += [f"  {self.not_counted}"] if self.not_counted else []
         for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
             low, high = p.never_between
-            never = f"never passed in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-            until = f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "beyond the scenario"
+            never = f"never exceeded in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+            until = (
+                f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "longer than the scenario"
+            )
             if p is self.together:
-                lines.append(f"  all of them: kept for {until}, {never}")
+                lines.append(f"  all of them: met for {until}, {never}")
                 continue
-            lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: kept for {until}, {never}")
+            lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: met for {until}, {never}")
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
-        lines.append(f"  {self.members} members; intervals are what their number leaves open, not what the model does not know")
+        lines.append(f"  {self.members} members; the intervals show the error of their finite number, not that of the model")
         return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
@@ -221,9 +224,9 @@ class Hold(Result):
         others = [c for c in self.causes if c != MISFIT and not c.startswith("fit of ")]
         also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
-            return f"{also}the model's discrepancy is not counted: no values of a fit say what it could not follow"
-        size = f"{self.discrepancy:.2g} K (one standard deviation), what its fit could not follow"
-        return f"{also}the model's discrepancy is counted: {size}"
+            return f"{also}the model's discrepancy is not included, because there are no values of a fit to estimate it"
+        size = f"{self.discrepancy:.2g} K (one standard deviation), from the residuals of its fit"
+        return f"{also}the model's discrepancy is included: {size}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
@@ -310,7 +313,7 @@ def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, flo
     """
     wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
     if not wanted:
-        raise ScenarioError('there is no limit. Give one: { "FOG_x" = "50 [degC]" }.', title)
+        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title)
     return wanted
 
 
@@ -322,16 +325,16 @@ def check_members(members: int, confidence: float, title: str) -> None:
     ScenarioError   With how many would do.
     """
     if not 0.5 <= confidence < 1.0:
-        raise ScenarioError(f"a probability of {confidence:g} is no confidence; give 0.95 or another number from 0.5 up to 1.", title)
+        raise ScenarioError(f"the confidence is {confidence:g}. Give 0.95 or another number from 0.5 up to 1.", title)
     if members * (1.0 - confidence) < 1.0:
         enough = math.ceil(20 / (1 - confidence))
-        raise ScenarioError(f"{members} members cannot tell {100 * confidence:g} %; ask for {enough} or more.", title)
+        raise ScenarioError(f"{members} members are too few for {100 * confidence:g} %. Request {enough} or more.", title)
 
 
 def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
     table = spec if isinstance(spec, Mapping) else {"highest": spec}
     if not table or not set(table) <= set(SIDES):
-        raise ScenarioError('a limit is "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
+        raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
     ends_by_side = [
         (side, literal(value if isinstance(value, str) else f"{value} [degC]", TEMPERATURE, f"limits, {name}"))
         for side, value in table.items()
@@ -382,21 +385,6 @@ def _filled(
 def driven_by(point: HoldPoint) -> str:
     """Return what drives a limit, in words."""
     return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= NAMED)
-
-
-QUESTION: Mapping[str, tuple[type, ...]] = {
-    "title": (str,),
-    "model": (str,),
-    "unit": (str,),
-    "scenario": (str, list),
-    "values": (str, list),
-    "members": (int,),
-    "seed": (int,),
-    "every": (str,),
-    "confidence": (float,),
-    "limits": (dict,),
-    "spread": (dict,),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -468,43 +456,31 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
 
     Raises
     ------
-    DeckError   When a key is unknown, missing or of another kind, or there is no limit.
+    DeckError   When it does not follow the grammar.
     """
     target = Path(path)
     data, lines = read_toml(target)
     refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
     where = Places(target.name, lines)
-    for key, value in data.items():
-        refuse_unknown([key], QUESTION, where(key), "a hold question has no '{}'.{near} It has {known}.", DeckError)
-        if not isinstance(value, QUESTION[key]) or isinstance(value, bool):
-            raise DeckError(f"this is no {' or '.join(t.__name__ for t in QUESTION[key])}: {value!r}.", where(key))
-    for key in ("model", "scenario", "limits"):
-        if not data.get(key):
-            raise DeckError(f"a hold question needs '{key}'.", target.name)
-    if data.get("members", 1) < 1:
-        raise DeckError("a campaign of runs needs at least one member.", where("members"))
+    asked = by_grammar("hold", data, where)
 
-    def files(key: str) -> list[Path]:
-        name_or_names = data.get(key, [])
-        return [
-            resolve_inside(target.parent, name, where(key))
-            for name in ([name_or_names] if isinstance(name_or_names, str) else name_or_names)
-        ]
+    def files(key: str, names: str | list[str]) -> list[Path]:
+        return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
 
-    unit = data.get("unit", "")
-    (deck,) = files("model")
+    unit = asked.unit
+    (deck,) = files("model", asked.model)
     model = macro_model(deck, at=unit) if unit else load_model(deck)
-    values = [filed(f, model, at=unit) for f in files("values")]
+    values = [filed(f, model, at=unit) for f in files("values", asked.values)]
     return HoldQuestion(
         model,
-        tuple(load_scenario(f) for f in files("scenario")),
+        tuple(load_scenario(f) for f in files("scenario", asked.scenario)),
         tuple(x.values for x in values),
         unit,
-        data["limits"],
-        data.get("spread", {}),
-        data.get("members", 10_000),
-        data.get("seed", 0),
-        data.get("every", ""),
-        data.get("confidence", 0.95),
+        asked.written["limits"],
+        asked.spread,
+        asked.members,
+        asked.seed,
+        asked.every,
+        asked.confidence,
         tuple(line for x in values for line in x.lines),
     )

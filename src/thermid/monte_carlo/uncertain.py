@@ -61,11 +61,11 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     low, high = (literal(spec[k], "s", where) for k in ("low", "high"))
     step = literal(spec["step"], "s", where) if "step" in spec else STEP
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
-        raise ScenarioError("start times go from zero or later upward, in a thousand steps at most.", where)
+        raise ScenarioError("start times must increase from zero or later, in at most 1000 steps.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
     stays = tuple(spec.get("stays", ()))
     known = {name for place, _ in scenario.signals() for name in (place.partition(".")[2], place.split(".")[1])} | set(SLOTS)
-    refuse_unknown(stays, known, f"{where}, stays", "nothing called '{}' changes in the scenario.", ScenarioError)
+    refuse_unknown(stays, known, f"{where}, stays", "the scenario has no changing input '{}'.", ScenarioError)
     still = [k for k, s in scenario.commands.items() if s.cycle != 0.0] + [n for n in stays if n not in scenario.commands]
     said = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
     return times, stays, said if still and len(times) > 1 else ()
@@ -119,12 +119,16 @@ def plan_runs(
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
-    """Return a budget with a source that tells scenarios apart, all as likely; it moves nothing by itself."""
+    """Return a budget with a source that distinguishes scenarios, all as likely; it moves nothing by itself."""
     source = Source(chosen, "variant", Choice(count), f"which of {count} scenarios or starts")
     return budget.beside([source], chosen)
 
 
 Progress = Callable[[int, int], None]
+
+
+MOST_MEMBERS = 10_000_000
+"""Members of a campaign of runs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +214,9 @@ class UncertainRuns(Result):
         ScenarioError       When no member reached the end.
         """
         path = self.job.model.canonical(node)
-        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not kept.{{near}} Name it in 'nodes'.", NameNotFoundError)
+        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored.{{near}} Name it in 'nodes'.", NameNotFoundError)
         if len(self.failed) == len(self):
-            raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
+            raise ScenarioError(f"no member reached the end of the run. Member 0: {self.failed[0]}", self.title)
         traces: Array = self.temperatures[self.reached, self.nodes.index(path)]
         return traces
 
@@ -309,6 +313,8 @@ def uncertain_runs(
     ScenarioError       When a spread is none, a value is spread twice, or there is no such cluster.
     NameNotFoundError   When a name does not exist.
     """
+    if n > MOST_MEMBERS:
+        raise ScenarioError(f"{n} members are too many; at most {MOST_MEMBERS:,} are run.", model.title)
     if n < 1 or workers < 1:
         raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
     job, remarks = plan_runs(
@@ -332,7 +338,7 @@ def uncertain_runs(
     failed = {m: why for c in ordered for m, why in c.failed.items()}
     if failed:
         why = next(iter(failed.values()))
-        remarks = (*remarks, f"{len(failed)} of {n} members did not reach the end and are left out. One of them: {why}")
+        remarks = (*remarks, f"{len(failed)} of {n} members failed and are left out. One of them: {why}")
     turnings, blind = _turnings(job, ordered)
     remarks = (*remarks, *blind)
     return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)
@@ -345,7 +351,7 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     if len(followed) == len(job.nodes):
         return turnings, ()
     blind = ", ".join(node for node in job.nodes if node not in turnings)
-    why = f"only the stored samples of {blind} are known, so a peak between two of them is not counted. Give a shorter 'every'"
+    why = f"only the stored samples of {blind} are known, so a peak between two samples is not included. Give a shorter 'every'"
     return turnings, (why,)
 
 

@@ -222,10 +222,14 @@ def _thermostat(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> Con
     heats = "thermostat.on_below" in f
     on, off = (f["thermostat.on_below"], f["thermostat.off_above"]) if heats else (f["thermostat.on_above"], f["thermostat.off_below"])
     if value_of(on) == value_of(off):
-        _refuse(flat, f"'{flat.path}' switches on and off at one temperature, without end. Set the two some kelvin apart.")
+        _refuse(
+            flat,
+            f"'{flat.path}' switches on and off at the same temperature and would switch endlessly. Set the two "
+            "temperatures some kelvin apart.",
+        )
     if (value_of(on) < value_of(off)) is not heats:
         names = ("on_below", "off_above") if heats else ("on_above", "off_below")
-        _refuse(flat, f"'{flat.path}' switches on at once where it switches off. Exchange {names[0]} and {names[1]}.")
+        _refuse(flat, f"'{flat.path}' would switch on again wherever it switches off. Exchange {names[0]} and {names[1]}.")
     nodes = tuple((node, make.add(weight)) for node, weight in flat.follows)
     ways = (
         GuardForm(0, 1, nodes, make.add(on), -1.0 if heats else 1.0),
@@ -240,7 +244,7 @@ def _modes(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
     shares = {name.partition(".")[2]: number for name, number in f.items() if name.startswith("modes.")}
     negative = next((name for name, number in shares.items() if value_of(number) < 0.0), "")
     if negative:
-        _refuse(flat, f"the mode '{negative}' has a share below zero; heat would flow uphill.")
+        _refuse(flat, f"the mode '{negative}' has a share below zero. Give 0 or more.")
     order = list(shares)
     guards = []
     for name in flat.control.transitions:
@@ -263,7 +267,7 @@ def _table(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
     shape = flat.control.curve
     assert shape is not None
     if (shape.y < 0.0).any():
-        _refuse(flat, f"the table of '{flat.path}' gives a share below zero; heat would flow uphill.")
+        _refuse(flat, f"the table of '{flat.path}' gives a share below zero. Give 0 or more.")
     nodes = tuple((node, make.add(weight)) for node, weight in flat.follows)
     if not flat.control.sample:
         share, rest = (FactorForm(LOOKUP, nodes=nodes, curve=each) for each in (shape, _mapped(shape, 1.0, -1.0)))
@@ -284,9 +288,11 @@ def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Numb
     """Return the band of a controller and the limits of its output."""
     band, low, high = f[f"{kind}.band"], f.get(f"{kind}.lowest", 0.0), f.get(f"{kind}.highest", 1.0)
     if value_of(band) == 0.0:
-        _refuse(flat, f"'{flat.path}' needs a band of some kelvin; without one it is a thermostat.")
+        _refuse(flat, f"'{flat.path}' needs a band of some kelvin. For a band of zero use a thermostat.")
     if not 0.0 <= value_of(low) < value_of(high):
-        _refuse(flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}; give lowest below highest, from zero up.")
+        _refuse(
+            flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest, both zero or more."
+        )
     return band, low, high
 
 
@@ -333,7 +339,11 @@ def _pid(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow
     begins = ZERO + SPAN * f.get("pid.begins", 0.0)
     if sample:
         if not value_of(integral) >= sample:
-            _refuse(flat, f"the integral time of '{flat.path}' is shorter than its sample time; the loop would ring.")
+            _refuse(
+                flat,
+                f"the integral time of '{flat.path}' is shorter than its sample time, so the loop would oscillate. Give a "
+                "longer integral time or a shorter sample time.",
+            )
         taken = _held(make, constant, weights, low, high)
         step = sample / integral
         states = [
@@ -387,7 +397,8 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
         given = controls[name].control
         if given.kind in ("thermostat", "modes", "pid") or given.sample:
             raise DeckError(
-                f"{what} cannot know in which state the control '{name}' is. Use a table or a proportional control, or simulate."
+                f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
+                "control, or simulate."
             )
 
 
@@ -399,4 +410,4 @@ def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
     DeckError
     """
     if named:
-        raise DeckError(f"{what} knows no controls, and '{named[0]}' is one that something follows. {cure}")
+        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}")

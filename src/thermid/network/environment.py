@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 from thermid.errors import ScenarioError
@@ -49,22 +50,27 @@ class Environment:
         object.__setattr__(self, "wind", wind)
         for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
             given: Any = getattr(self, name)
-            if isinstance(given, str):
+            if isinstance(given, str) or not isinstance(given, Real):
                 object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
+        for name in ("gas", "vented"):
+            if not isinstance(getattr(self, name), str):
+                raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}")
         if not 0.0 <= self.humidity <= 1.0:
-            raise ScenarioError(f"a relative humidity of {self.humidity:g} does not exist; give 0 to 1.")
+            raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.")
         if self.lowest() < 0.0:
-            raise ScenarioError("a pressure below zero does not exist.")
+            raise ScenarioError("the pressure is below zero. Give 0 or more.")
         if not self.pressure.bounds[1] <= HIGHEST:
-            raise ScenarioError(f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, where gases are dilute.")
+            raise ScenarioError(
+                f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, the limit of the gas properties used."
+            )
         if not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0):
-            raise ScenarioError("gravity and wind are sizes; give them without a sign.")
+            raise ScenarioError("gravity and wind must not be negative. Give their magnitudes.")
         if self.gas not in GASES:
             gas_named(self.gas, "environment")
         if self.sealed and self.vented:
-            raise ScenarioError("a volume is sealed or vented, not both.")
+            raise ScenarioError("a volume is either sealed or vented. Leave one of them out.")
         if bool(self.vented) != (self.time_constant > 0.0):
-            raise ScenarioError("a vented volume has the gas node that it is vented to, and a time constant above zero.")
+            raise ScenarioError("give a vented volume the gas node that it is vented to, and a time constant above zero.")
 
     def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
         """Return the gas with what a law makes of its signals."""

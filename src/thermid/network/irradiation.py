@@ -57,15 +57,17 @@ class Irradiation:
             low, high = made.bounds
             if name != "infrared" and low < 0.0:
                 what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
-                raise ScenarioError(f"{what} does not exist.", "irradiation")
+                raise ScenarioError(f"{what} is not possible.", "irradiation")
             if high > HOTTEST:
-                raise ScenarioError(f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the air. Look at the unit.", "irradiation")
+                raise ScenarioError(
+                    f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the atmosphere. Check the unit.", "irradiation"
+                )
         if self.total is not None and (self.direct is not None or self.diffuse is not None):
-            raise ScenarioError("total holds direct and diffuse; give the parts or the sum.", "irradiation")
+            raise ScenarioError("total is the sum of direct and diffuse. Give either the sum or the parts.", "irradiation")
         if (self.sky is None) != (self.sky_view is None):
-            raise ScenarioError("a sky has a temperature and the share of the view that it fills, sky_view.", "irradiation")
+            raise ScenarioError("give the temperature of the sky and sky_view, the view factor to it.", "irradiation")
         if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
-            raise ScenarioError(f"a sky that fills {self.sky_view:g} of the view does not exist; give 0 to 1.", "irradiation")
+            raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation")
 
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
@@ -85,7 +87,10 @@ class Irradiation:
         parts: list[Signal] = [self.infrared] if self.infrared is not None else []
         if self.sky is not None:
             if around is None:
-                raise ScenarioError("a sky takes the place of surroundings of given temperature; here they are a node of the model.")
+                raise ScenarioError(
+                    "a sky replaces surroundings with a given temperature. Here the surroundings are a node of the "
+                    "model; leave the sky out."
+                )
             parts.append(Mixed(Less(float(self.sky_view or 0.0)), (self.sky, around)))
         return added(*parts) if parts else None
 
@@ -145,7 +150,9 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple
     if "*" in irradiation:
         sky = irradiation["*"]
         if not isinstance(sky, Sky):
-            raise ScenarioError("radiation on '*' is an open sky; on a plane of its own it is given by the surface's name.", "irradiation")
+            raise ScenarioError(
+                "radiation on '*' must be an open sky. For a single plane give the name of its surface instead of '*'.", "irradiation"
+            )
         given = dict.fromkeys(_outdoors(flat, sky), sky)
     for raw, one in irradiation.items():
         if raw != "*":
@@ -160,12 +167,13 @@ def _outdoors(flat: Flat, sky: Sky) -> list[str]:
     air = flat.names.find(sky.air, "sun")
     out = [path for path, face in flat.faces.items() if face.facing is not None or face.to == air]
     if not out:
-        raise ScenarioError(f"no surface stands outdoors: none has facing, and none exchanges with '{sky.air}'.", "sun")
+        raise ScenarioError(
+            f"no surface is outdoors: none has facing, and none exchanges heat with '{sky.air}'. Give facing = {{ tilt = 90 }} to one.",
+            "sun",
+        )
     for path in out:
         if flat.faces[path].facing is None:
-            message = (
-                f"'{path}' stands in the open air, and nothing says where it looks: give facing = {{ tilt = 90 }}, and azimuth for a plane."
-            )
+            message = f"'{path}' is outdoors but has no orientation. Give facing = {{ tilt = 90 }}, and azimuth for a plane."
             raise DeckError(message, flat.faces[path].where)
     return out
 
@@ -178,14 +186,17 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
         outdoors, stream = False, given.stream
         solar, wave = any(getattr(given, name) is not None for name in SOLAR), given.infrared is not None or given.sky is not None
     if solar and "absorptance" not in face.fields:
-        raise DeckError(f"'{path}' stands in the sun and has no absorptance. Give it one, or 0 where no sun can reach it.", face.where)
+        raise DeckError(f"'{path}' is in the sun but has no absorptance. Give one, or 0 if no sun can reach it.", face.where)
     out = [_load(path, face, "sun", "absorptance", partial(_sun, given, face.facing))] if solar else []
     if wave and not (outdoors and face.sees != face.to):
         if "emissivity" not in face.fields:
-            message = f"'{path}' meets long-wave radiation and has no emissivity. Give it one or a finish, or leave the sky out."
+            message = f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out."
             raise DeckError(message, face.where)
         if not face.sees:
-            raise DeckError(f"'{path}' is a face of an enclosure, which has its long-wave radiation; a sky belongs outside.", face.where)
+            raise DeckError(
+                f"'{path}' is a face of an enclosure, which computes its long-wave radiation already. Give a sky to outer surfaces only.",
+                face.where,
+            )
         out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, given, face, path)))
     if stream is not None:
         out.append(_load(path, face, "stream", "", partial(_stream, stream)))

@@ -80,7 +80,8 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     crooked += [row.name for row in numbers.loads if not row.fixed] + list(network.stores)
     if crooked:
         raise SolverError(
-            f"'{crooked[0]}' is not linear, so there is no one matrix. Ask for the time constants at a temperature instead.", network.title
+            f"'{crooked[0]}' is not linear, so the network has no constant matrix. Request the time constants at a temperature instead.",
+            network.title,
         )
     massive = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is not None]
     massless = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is None]
@@ -134,7 +135,7 @@ def _weights(network: Network, heat: Array, everything: Array, massless: list[in
     if lost:
         name = network.nodes[lost[0]]
         where = next((n.where for n in network.flat.nodes if n.path == name), network.title)
-        raise DeckError(f"the massless node '{name}' has no conductance to anything, so its temperature is undefined.", where)
+        raise DeckError(f"the massless node '{name}' has no conductance to any node, so its temperature is undefined. Connect it.", where)
     return weights
 
 

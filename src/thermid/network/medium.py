@@ -123,9 +123,9 @@ def vented(inside: Signal, outside: Signal, time_constant: float, where: str) ->
     ScenarioError   When the pressure at the start is no constant, or that outside swings without end.
     """
     if not isinstance(inside, Constant):
-        raise ScenarioError("the pressure of a vented volume is that at its start, a constant.", where)
+        raise ScenarioError("the pressure of a vented volume is its initial pressure. Give a constant.", where)
     if isinstance(outside, Sine):
-        raise ScenarioError("a volume cannot be vented to a pressure that swings without end; give a table.", where)
+        raise ScenarioError("a volume cannot be vented to a periodic pressure. Give a table.", where)
     tau = time_constant
     last = max(outside.extent, 1.0)
     # a stretch of constant slope has the exact solution below; fine steps keep straight lines between samples right to a thousandth
@@ -271,7 +271,9 @@ def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
     base, fins, slope, diameter, length, flux, developed, by_volume = law.coefficients
     if state.key:
         raise ScenarioError(
-            f"the pressure of the gas in '{c.path}' changes; what a stream takes from a duct holds at a constant one.", c.where
+            f"the pressure of the gas in '{c.path}' changes, but the law of a duct is valid at constant pressure only. Give a "
+            "constant pressure.",
+            c.where,
         )
     if state.pressure <= VACUUM_LIMIT or value_of(flux) == 0.0:
         return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
@@ -470,8 +472,8 @@ class Media:
             if self._environment(gas).wind.bounds[1] > 0.0:
                 fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
-                    f"the wind in '{gas}' does not change {', '.join(repr(p) for p in fixed)}: a coefficient that is given stays as it is;"
-                    " htc = { length = ... } takes it from a correlation, with wind"
+                    f"the wind in '{gas}' has no effect on {', '.join(repr(p) for p in fixed)}: its coefficient is a fixed value. "
+                    f"Give htc = {{ length = ... }} to compute it from a correlation that includes wind"
                 ] * bool(fixed)
         return tuple(out)
 
@@ -518,7 +520,7 @@ class Media:
         own = self._environment(c.gas)
         if own.gas != "air":
             raise ScenarioError(
-                f"the coefficient of '{c.path}' was found in air and does not hold in {own.gas}; give a correlation, or a gap.", c.where
+                f"the coefficient of '{c.path}' applies to air and is not valid in {own.gas}. Give a correlation, or a gap.", c.where
             )
         radiation: tuple[ConductorRow, ...] = ()
         kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
@@ -558,7 +560,9 @@ class Media:
             return (row(left),)
         if self._environment(c.gas).gas != "air":
             raise ScenarioError(
-                f"the coefficient of '{c.path}' was found in air and does not hold in {self._environment(c.gas).gas}.", c.where
+                f"the coefficient of '{c.path}' applies to air and is not valid in {self._environment(c.gas).gas}. Give a "
+                f"correlation: htc = {{ length = ... }}.",
+                c.where,
             )
         if state == "jumping":
             key = self._key(c.gas)
@@ -570,9 +574,9 @@ class Media:
     @staticmethod
     def _unknown_share(c: FlatConductor) -> ScenarioError:
         return ScenarioError(
-            f"the coefficient of '{c.path}' is effective: it contains radiation, which vacuum does not take away. "
-            "Give the surface's emissivity or its finish, "
-            "or ask for vacuum as printed (--as-printed), which sets it to zero and is an upper bound.",
+            f"the coefficient of '{c.path}' is effective: it includes radiation, which remains in vacuum. Give the surface's "
+            "emissivity or finish. Or use --as-printed: it sets the whole coefficient to zero, and the temperatures are then an "
+            "upper bound.",
             c.where,
         )
 
@@ -608,8 +612,8 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
     if thin:
         has, them = ("have", "them") if len(thin) > 1 else ("has", "it")
         raise ScenarioError(
-            f"{quoted(list(thin))} {has} htc and no emissivity: without gas in {_gases(thin)} nothing would leave {them}. "
-            "Give an emissivity or a finish; emissivity = 0 where nothing radiates on purpose.",
+            f"{quoted(list(thin))} {has} htc but no emissivity. Without gas in {_gases(thin)} no heat would leave {them}. Give an "
+            "emissivity or a finish, or emissivity = 0 if that is intended.",
             _where(flat, next(iter(thin))),
         )
     filled = {path: gas for path, gas in still(flat).items() if not media.empty(gas)}
@@ -617,16 +621,16 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
         has, they = ("have", "they") if len(filled) > 1 else ("has", "it")
         raise ScenarioError(
             f"{quoted(list(filled))} {has} an emissivity and no htc: in the gas of {_gases(filled)} {they} would have no convection. "
-            "Give htc, as a value or from a correlation, htc = { length = ... }; htc = 0 where nothing convects on purpose. "
-            "Where no gas is, say so: environment, pressure = '0 [Pa]' (--vacuum).",
+            f"Give htc as a value or from a correlation, htc = {{ length = ... }}, or htc = 0 if that is intended. For vacuum give "
+            "environment, pressure = '0 [Pa]' (--vacuum).",
             _where(flat, next(iter(filled))),
         )
     for title, gas, state, where in flat.made_in:
         if not media.as_made(gas, state):
             of = "its gas" if gas == "*" else f"'{gas}'"
             raise ScenarioError(
-                f"'{title}' was reduced with {of} in one state, {state}, which its conductances hold; it is in another here. "
-                "Reduce the full model in the state of this run.",
+                f"'{title}' was reduced with {of} in one state, {state}, and its conductances are valid there only. Reduce the full "
+                "model again in the state of this run.",
                 where,
             )
 
@@ -659,23 +663,28 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
     stops = [path for path, c in _through_gas(flat).items() if c.gas in gone and not _radiates(flat, path, c, values)]
     if stops:
-        out.append(f"without gas nothing goes through {quoted(stops)}")
+        out.append(f"without gas no heat flows through {quoted(stops)}")
     around = gone & surrounding(flat)
     stays = [c.path for c in flat.conductors if c.kind in SOLID and around & set(c.ends)]
     if stays:
         end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
         ends = dict.fromkeys(e for c in flat.conductors if c.path in stays for e in c.ends if e in around)
         out.append(
-            f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas: a path through gas is of kind convection or gas"
+            f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas. If this path leads through the gas, give it "
+            "kind convection or gas"
         )
     thin = [path for path, gas in bare(flat).items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
     if thin and not media.as_printed:
         has = "have" if len(thin) > 1 else "has"
-        out.append(f"{quoted(thin)} {has} no emissivity: in gas so thin most of what leaves a surface is radiation, which is not counted")
+        out.append(
+            f"{quoted(thin)} {has} no emissivity, so its radiation is not modelled; in gas as thin as this it is most of the "
+            "heat. Give an emissivity"
+        )
     whole = [c.path for c in flat.conductors if c.kind == "effective" and c.sees and not media.empty(c.gas)]
     if whole:
         out.append(
-            f"the radiation in the effective coefficient of {quoted(whole)} goes to its gas, not to what it sees; `split` takes it apart"
+            f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
+            "`thermid split` separates the two"
         )
     return tuple(out)
 

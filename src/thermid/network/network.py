@@ -224,8 +224,10 @@ class Network:
             laws = c.laws(fields)
         if not c.reversible and any(value_of(law.coefficients[0]) < 0 for law in laws):
             if c.kind == "flow":
-                raise DeckError(f"the flow of '{c.path}' is below zero. A stream that may turn says reversible = true.", c.where)
-            raise DeckError(f"'{c.path}' would have a negative conductance; heat would flow uphill.", c.where)
+                raise DeckError(
+                    f"the flow of '{c.path}' is below zero. If the stream may change direction, set reversible = true.", c.where
+                )
+            raise DeckError(f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.", c.where)
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
         if c.path in self.streams:
@@ -313,7 +315,8 @@ def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number
         low, high = f["thermostat.on_below"], f["thermostat.off_above"]
         if value_of(low) == value_of(high):
             raise DeckError(
-                "the thermostat switches on and off at one temperature, without end. Set off_above some kelvin higher.", load.where
+                "the thermostat switches on and off at the same temperature and would switch endlessly. Set off_above some kelvin higher.",
+                load.where,
             )
         if value_of(low) > value_of(high):
             raise DeckError(
@@ -322,7 +325,7 @@ def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number
         return "thermostat", (low, high)
     if "proportional.band" in f:
         if value_of(f["proportional.band"]) == 0.0:
-            raise DeckError("a proportional control needs a band of some kelvin; without one it is a thermostat.", load.where)
+            raise DeckError("a proportional control needs a band of some kelvin. For a band of zero use a thermostat.", load.where)
         return "proportional", (1.0, f["proportional.setpoint"], f["proportional.band"])
     if "proportional.gain" in f:  # gain times what is missing, up to the law's first coefficient
         return "proportional", (f["proportional.gain"], f["proportional.setpoint"])
@@ -368,7 +371,7 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
                 flat.names.find(name, "environment" if name == gas else f"environment.{gas}, vented")
     nodes = tuple(n.path for n in flat.nodes if n.path not in driven)
     if not nodes:
-        raise DeckError("there is no node left whose temperature is unknown.", model.title)
+        raise DeckError("all temperatures are given, so nothing is left to solve. Remove a boundary or a prescribed node.", model.title)
     stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
     network = Network(
         model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, traced(media or Media(), flat)
@@ -481,7 +484,9 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
         total = sum_of(star)
         if not value_of(total) > 0:
             where = next((n.where for n in network.flat.nodes if n.path == node), network.title)
-            raise DeckError(f"the massless node '{node}' has no conductance to anything, so its temperature is undefined.", where)
+            raise DeckError(
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", where
+            )
         mesh = {pair: g for pair, g in mesh.items() if node not in pair}
         ends = list(star)
         for i, a in enumerate(ends):
@@ -525,7 +530,7 @@ class Unreached:
         named = ", ".join(f"'{n}'" for n in self.nodes)
         many = len(self.nodes) > 1
         if abs(self.rate) < 1e-12:
-            return f"{named} {'have' if many else 'has'} no path to a boundary: the heat that is there stays there"
+            return f"{named} {'have' if many else 'has'} no path to a boundary, so the heat stays there"
         word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
         return f"{named} {'have' if many else 'has'} no path to a boundary: {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
 

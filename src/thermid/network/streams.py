@@ -171,7 +171,7 @@ class Streams:
             which, many = quoted([c.path for c in several]), len(several) > 1
             empty = [n for n in dict.fromkeys(n for c in several for n in self.lines[c.path]) if self._emptied(n, end)]
             when = f" from {begin:g} s" if begin > 0.0 else ""
-            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'}: there is no gas in {quoted(empty)}{when}"
+            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}"
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
         if loops:
             density = "their density is that" if len(loops) > 1 else "its density is that"
@@ -181,8 +181,8 @@ class Streams:
             if other:
                 kind = next(iter(other.values()))
                 yield (
-                    f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for all that convects there: "
-                    "give them one gas, in the environment or as the fluid"
+                    f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for convection there. Give both the "
+                    "same gas, in the environment or as the fluid"
                 )
 
     @cached_property
@@ -278,8 +278,8 @@ def _check_named(flat: Flat, media: Media) -> None:
         off = [n for n in c.ends if not _on_ground(media.pressure(n))]
         if off and not fluid_of(c):
             raise ScenarioError(
-                f"'{c.path}' names no fluid, and the pressure in {quoted(off)} is not that of the ground: a gas would thin or "
-                'stop, a liquid would not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
+                f"'{c.path}' has no fluid, and the pressure in {quoted(off)} is not atmospheric. The flow of a gas depends on "
+                'pressure, that of a liquid does not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
                 c.where,
             )
 

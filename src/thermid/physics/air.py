@@ -161,7 +161,7 @@ def dry_air(temperature: Number, pressure: Number = ATMOSPHERE) -> Gas:
     (0.0263, 15.7, 0.71)
     """
     if np.any((np.asarray(temperature) < LOWEST) | (np.asarray(temperature) > HIGHEST)):
-        text = f"Dry air at {temperature} K: the fits were compared with reference values from {LOWEST:g} to {HIGHEST:g} K only."
+        text = f"Dry air at {temperature} K: the property fits are verified from {LOWEST:g} to {HIGHEST:g} K only. Stay within this range."
         warnings.warn(text, ThermidWarning, stacklevel=2)
     conductivity, viscosity = air_conductivity(temperature), air_viscosity(temperature)
     return Gas(

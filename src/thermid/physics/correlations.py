@@ -102,12 +102,14 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     ------
     DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
     """
-    refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is none of {known}.", DeckError)
+    refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
     found = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
     if "vertical_plate" in found.name and orientation != "vertical":
-        raise DeckError(f"'{found.name}' is for vertical plates, and the orientation is '{orientation}'. Change one of the two.", where)
+        raise DeckError(f"'{found.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.", where)
     if found.facing and orientation == "vertical":
-        raise DeckError(f"'{found.name}' is for horizontal plates: give orientation = 'up' or 'down', the way the surface faces.", where)
+        raise DeckError(
+            f"'{found.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.", where
+        )
     return found
 
 
@@ -115,7 +117,7 @@ def _of_library(name: str, where: str) -> NusseltLaw:
     """Return a function of `ht` as a correlation."""
     hint = nearest(name, OWN)
     if not name.startswith("Nu_"):
-        raise DeckError(f"no correlation is called '{name}'.{hint} There are {', '.join(OWN)}, and the functions of the library ht.", where)
+        raise DeckError(f"unknown correlation '{name}'.{hint} There are {', '.join(OWN)}, and the functions of the library ht.", where)
     try:
         from ht import conv_free_immersed as library
     except ImportError:
@@ -132,7 +134,7 @@ def _of_library(name: str, where: str) -> NusseltLaw:
     given = signature(function).parameters
     names = [n for n, p in given.items() if p.default is p.empty and n != "buoyancy"]
     if names != ["Pr", "Gr"] or name.endswith("_methods"):
-        raise DeckError(f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr can serve here.", where)
+        raise DeckError(f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr are supported.", where)
     facing = "buoyancy" in given and given["buoyancy"].default is not None  # None: of a vertical plate, which has it for its form
 
     def nusselt(ra: float, pr: float, away: bool) -> float:

@@ -107,14 +107,14 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
     """
     if factors.min() < 0.0:
         i, j = np.argwhere(factors < 0.0)[0]
-        raise DeckError(f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; none is below zero.", where)
+        raise DeckError(f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; it must not be negative.", where)
     seen = areas[:, None] * factors
     off = np.abs(seen - seen.T)
     allowed = RECIPROCITY * np.maximum(seen, seen.T) + 1e-9 * areas.max()
     if (off > allowed).any():
         i, j = divmod(int(np.argmax(off - allowed)), len(names))
         raise DeckError(
-            f"view factors of '{names[i]}' and '{names[j]}' break reciprocity: area times factor is {seen[i, j]:.5g} m^2 one way and "
+            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {seen[i, j]:.5g} m^2 one way and "
             f"{seen[j, i]:.5g} m^2 the other. Correct a factor or an area.",
             where,
         )
@@ -122,5 +122,9 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
     bad = np.abs(sums - 1.0) > RECIPROCITY if closed else sums > 1.0 + RECIPROCITY
     if bad.any():
         k = int(np.argmax(bad))
-        cure = "Correct them, or name what the rest sees: rest = a node." if closed else "No face can send more than all it emits."
+        cure = (
+            "Correct them, or name the node that fills the rest of the view: rest = a node."
+            if closed
+            else ("The sum must not exceed one. Correct them.")
+        )
         raise DeckError(f"the view factors of '{names[k]}' sum to {sums[k]:.5g}, not to one. {cure}", where)

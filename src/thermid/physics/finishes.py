@@ -36,7 +36,8 @@ class Finish:
     def basis(self) -> str:
         """Range and where it comes from, as a deck's value quotes it."""
         return (
-            f"finish '{self.name}', {self.low:g} to {self.high:g}: {self.source}; {f'read: {self.read}' if self.read else 'not read again'}"
+            f"finish '{self.name}', {self.low:g} to {self.high:g}: {self.source}; "
+            f"{f'read: {self.read}' if self.read else 'not checked again'}"
         )
 
     @property
@@ -195,5 +196,5 @@ def finish(name: str, where: str = "") -> Finish:
         first = name.partition(",")[0].strip().lower()
         same = [f"'{n}'" for n in FINISHES if n.partition(",")[0] == first]
         hint = f" There are {', '.join(same)}." if same and "," not in name else nearest(name, FINISHES)
-        raise DeckError(f"no finish is called '{name}'.{hint} For any other surface give its emissivity.", where)
+        raise DeckError(f"unknown finish '{name}'.{hint} For any other surface give its emissivity.", where)
     return FINISHES[name]

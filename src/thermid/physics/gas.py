@@ -96,7 +96,7 @@ def gas_named(name: str, where: str = "") -> MolecularGas:
     ------
     DeckError   When there is none of that name.
     """
-    return look_up(name, GASES, "no gas is called '{}'.{near} There are {known}.", where, DeckError)
+    return look_up(name, GASES, "unknown gas '{}'.{near} Known: {known}.", where, DeckError)
 
 
 def mean_free_path(gas: MolecularGas, temperature: Number, pressure: Number) -> Number:

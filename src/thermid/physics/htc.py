@@ -110,7 +110,7 @@ class HtcComparison(Result):
 
     def __str__(self) -> str:
         """A line for each number, then the remarks."""
-        drift = f", and +- {self.error_drift:.2f} from the drift of the room" if self.error_drift else ""
+        drift = f", and +- {self.error_drift:.2f} from the drift of the ambient" if self.error_drift else ""
         lines = [f"effective    {self.effective:8.3f} W/(m^2 K)   +- {self.error:.2f} from sensors, power and area{drift}"]
         for c in self.correlations:
             ra = "" if math.isnan(c.rayleigh) else f"   Ra {c.rayleigh:.4g}"
@@ -123,7 +123,7 @@ class HtcComparison(Result):
             low, middle, high = (f"{s:.4g}" for s in sorted(self.settling.from_data))
             lines.append(
                 f"time constant{self.settling.from_mass:8.1f} s   m c/(h A); "
-                f"the settling time means {middle} s ({low} to {high} s for 99.9 to 98 %)"
+                f"the settling time corresponds to {middle} s ({low} to {high} s for 99.9 to 98 %)"
             )
         return "\n".join([*lines, *(f"remark: {r}" for r in self.remarks)])
 
@@ -241,11 +241,11 @@ def _settled(
     q, a, tall = _number(power, "W", "power"), _number(area, "m^2", "area"), _number(height, "m", "height")
     hot, cold = _number(surface, TEMPERATURE, "surface"), _number(ambient, TEMPERATURE, "ambient")
     if not (a > 0 and tall > 0):
-        raise ThermidError("an area and a height above zero are needed for a coefficient.", "compare_htc")
+        raise ThermidError("a coefficient needs an area and a height above zero.", "compare_htc")
     if not q * (hot - cold) > 0:
         raise ThermidError(
-            f"{q:g} W and a surface {hot - cold:+.4g} K from its ambient make no coefficient: heat flows to the colder side. "
-            "Check which temperature is which, and the sign of the power.",
+            f"{q:g} W and a surface {hot - cold:+.4g} K from its ambient are inconsistent: heat flows to the colder side. Check for "
+            "exchanged temperatures, and the sign of the power.",
             "compare_htc",
         )
     return q, a, hot, cold, tall
@@ -288,11 +288,11 @@ def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...]
 
 
 def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:
-    """Say so where the area given is not that of the box given."""
+    """State this where the area given is not that of the box given."""
     own = 2 * (length * width + height * (length + width))
     if abs(own - area) <= 0.02 * area:
         return []
-    return [f"the box has {own:.6g} m^2 outside and the area given is {area:.6g} m^2; one of them counts other faces than the other"]
+    return [f"the box has {own:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"]
 
 
 def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
@@ -303,21 +303,21 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
     if abs(effective - expected) <= 2 * doubt:
         return [
             f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
-            f"of {doubt:.2f}: the test does not tell them apart"
+            f"of {doubt:.2f}, so the test cannot distinguish them"
         ]
     if effective > expected:
         return [
-            f"the effective coefficient lies {effective - expected:.2f} W/(m^2 K) above {what}. It can mean "
+            f"the effective coefficient lies {effective - expected:.2f} W/(m^2 K) above {what}. Possible causes: "
             + ("" if radiation is not None else "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), ")
             + "heat through mounts and leads, moving air, an area taken too small, a power too large, or a sensor in a cool place"
         ]
     return [
         f"the effective coefficient lies {expected - effective:.2f} W/(m^2 K) below {what}. Radiation and heat through mounts would "
-        "raise it, and resistance between the source and the surface cannot lower it: what passes an outer surface is h A dT, "
-        "whatever lies inside",
-        f"to agree with the correlation, the area would have to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (faces counted twice, "
-        f"or inside ones?), or the power {abs(expected * a * rise):.3g} W in place of {abs(q):.4g} W, or the mean surface "
-        f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (a hot spot)",
+        "raise it. Resistance between source and surface cannot lower it, because the heat through an outer surface is h A dT. Check "
+        "area, power and sensor positions",
+        f"to agree with the correlation, the area would need to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (check for faces "
+        f"counted twice or inside), or the power {abs(expected * a * rise):.3g} W instead of {abs(q):.4g} W, or the mean surface "
+        f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (check for a hot spot)",
     ]
 
 
@@ -327,18 +327,18 @@ def _settling(capacitance: str | float | None, after: str | float | None, conduc
         return None
     heat, time = _number(capacitance, "J/K", "capacitance"), _number(after, "s", "settled_after")
     if not (heat > 0 and time > 0):
-        raise ThermidError("a capacitance and a settling time above zero are needed for a time constant.", "compare_htc")
+        raise ThermidError("a time constant needs a capacitance and a settling time above zero.", "compare_htc")
     first, middle, last = (time / -math.log(1.0 - part) for part in SETTLED)
     found = Settling(heat / conductance, (first, middle, last))
     if found.differs:
         word = "slower" if found.ratio > 1 else "faster"
         remarks.append(
-            f"the test settled {found.ratio:.2g} times as slowly as m c/(h A) says: {time / 3600:.3g} h against "
-            f"{found.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. A {word} test means "
+            f"the settling time was {found.ratio:.2g} times that expected from m c/(h A): {time / 3600:.3g} h against "
+            f"{found.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. Possible causes of a {word} test: "
             + (
-                "more mass than the part's own, a room that drifts, or a last approach that no sensor resolves"
+                "additional mass, a drifting ambient, or a final approach below the sensor resolution"
                 if found.ratio > 1
-                else "less mass than given, or an approach that was not waited for"
+                else "less mass than given, or a test that ended before steady state"
             )
         )
     return found

@@ -162,7 +162,7 @@ def _warn_outside(rayleigh: Number, lowest: float, highest: float, what: str, in
     outside = np.asarray(rayleigh)[(np.asarray(rayleigh) < lowest) | (np.asarray(rayleigh) > highest)]
     if outside.size:
         extreme = outside.max() if outside.max() > highest else outside.min()
-        text = f"{what}: Rayleigh number {extreme:.3g} lies outside {lowest:g} to {highest:g}, where the correlation holds.{instead}"
+        text = f"{what}: Rayleigh number {extreme:.3g} is outside {lowest:g} to {highest:g}, the validity of the correlation.{instead}"
         warnings.warn(text, ThermidWarning, stacklevel=3)
 
 

@@ -322,7 +322,9 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
         behind = hit & ~front
         for j in np.unique(first[behind]).tolist():
             if np.mean(behind & (first == j)) > LOST:
-                raise DeckError(f"'{names[i]}' sees the back of '{names[j]}'. Give that side a face of its own, or turn its sides.", where)
+                raise DeckError(
+                    f"'{names[i]}' sees the back of '{names[j]}'. Define a separate face for that side, or exchange its sides.", where
+                )
         seen[i] = np.bincount(first[hit & front], minlength=count) / rays
     both = size[:, None] * seen
     error = float((np.abs(both - both.T) / np.maximum(size[:, None], size[None, :])).max())

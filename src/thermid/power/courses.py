@@ -105,7 +105,7 @@ def recovered(request: Request, name: str, into: str, *, shapes: Sequence[str] =
     ------
     IdentificationError   When no course can be run with these records.
     """
-    refuse_unknown(shapes, SHAPES, f"course {name}", "no shape '{}' of a course; there are {known}.", IdentificationError)
+    refuse_unknown(shapes, SHAPES, f"course {name}", "unknown shape '{}' of a course. Use one of {known}.", IdentificationError)
     span = min(float(np.ptp(r.times)) for r in request.records)
     step = max(float(np.median(np.diff(r.times))) for r in request.records)
     tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power), 3.0 * step, 0.5 * span) for s in shapes]

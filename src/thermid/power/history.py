@@ -124,8 +124,8 @@ class PowerHistory(Result):
         lines = [
             f"power of {self.load}: mean {self.power[open_].mean():.4g} W, from {self.power[open_].min():.4g} to "
             f"{self.power[open_].max():.4g} W where it was unknown ({self.prior})",
-            f"  error of a moment {np.median(self.sd[open_]):.2g} W (1 sd); resolution {self.resolution / 60:.3g} min: "
-            "faster changes are shown smeared over that time",
+            f"  error of a moment {np.median(self.sd[open_]):.2g} W (1 sd); resolution {self.resolution / 60:.3g} min; faster changes "
+            "are smoothed over that time",
         ]
         for name, (value, error, in_unit) in self.values.items():
             lines.append(f"  {name} {value:.5g} +- {error:.2g} {in_unit}")
@@ -435,16 +435,17 @@ def power_history(
     IdentificationError     When there is no such prior, a stretch lies outside the log, or parameters are free without any known power.
     NameNotFoundError       When there is no such load.
     """
-    refuse_unknown([prior], PRIORS, "power_history", "there is no prior '{}'; there are {known}.", IdentificationError)
+    refuse_unknown([prior], PRIORS, "power_history", "unknown prior '{}'. Use one of {known}.", IdentificationError)
     where = f"power of {load}"
     path, model = _plain(model, load)
     if free and not known and not priors:
         raise IdentificationError(
-            "without a stretch of known power only ratios to the power can be found, so no parameter can be free. Give 'known' or a prior.",
+            "without a period of known power only ratios to the power can be estimated, so no parameter can be free. Give 'known' or "
+            "a prior.",
             where,
         )
     if any(len(stretch) != 3 or isinstance(stretch, str) for stretch in known):
-        raise IdentificationError("'known' is a list of stretches (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where)
+        raise IdentificationError("give 'known' as a list of periods (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where)
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
         raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
@@ -469,7 +470,7 @@ def power_history(
     if found.remarks and step > WIDER * usual:
         knots, pins = _knots(record, usual, known, accuracy, where)
         asked, problem, found = on(knots, pins)
-        words = f"knots every {duration_text(step)} left residuals that wander, so that the history has knots every {duration_text(usual)}."
+        words = f"knots every {duration_text(step)} left autocorrelated residuals, so the history has knots every {duration_text(usual)}."
         found = replace(found, remarks=(words, *found.remarks))
     return _history(asked, problem, path, knots, pins, found)
 
@@ -478,8 +479,8 @@ def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
     """Return the refusal of what readings, priors and known powers leave open."""
     what = ", ".join(f"'{p}'" for p in free) or "the power"
     return IdentificationError(
-        f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer stretch of known power, or "
-        "free less.",
+        f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer period of known "
+        "power, or free fewer parameters.",
         where,
     )
 
@@ -505,11 +506,11 @@ def _knots(record: Record, step: float, known: Sequence[tuple[str, str, str]], a
     """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
     end = float(record.times[-1] - record.times[0])
     if not 0 < step <= end / 4:
-        raise IdentificationError(f"knots every {step:g} s do not fit into a log of {end:g} s; give four intervals or more.", where)
+        raise IdentificationError(f"knots every {step:g} s do not fit into a log of {end:g} s. Give at least four intervals.", where)
     stretches = [(literal(a, "s", where), literal(b, "s", where), literal(p, "W", where)) for a, b, p in known]
     for first, last, _ in stretches:
         if not -1e-9 <= first < last <= end * (1 + 1e-9):
-            raise IdentificationError(f"the power was known from {first:g} to {last:g} s, which is no part of a log of {end:g} s.", where)
+            raise IdentificationError(f"the power was known from {first:g} to {last:g} s, which is not within a log of {end:g} s.", where)
     cuts = np.unique(np.clip([0.0, end, *(t for a, b, _ in stretches for t in (a, b))], 0.0, end))
     parts: list[Array] = []
     at: list[int] = []
@@ -583,7 +584,7 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
     run = simulate(bare, scenario, times=knots)
     known = np.zeros(count, dtype=bool)
     known[pins.at] = True
-    unsettled = () if found.converged else (f"the history did not settle within {ROUNDS} rounds; free fewer parameters.",)
+    unsettled = () if found.converged else (f"the history did not converge within {ROUNDS} iterations. Free fewer parameters.",)
     notes = (*unsettled, *_at_bounds(problem, found.x), *found.remarks)
     return PowerHistory(
         path, node, knots, power, covariance, run[node].kelvin, known, width, found.prior, values, blocks, bare, scenario, notes
@@ -597,8 +598,8 @@ def _at_bounds(problem: Problem, x: Array) -> tuple[str, ...]:
         ends = [b for b in u.fitted_bounds() if np.isfinite(b)]
         if u.kind == "parameter" and any(abs(fitted - b) <= 1e-6 * max(abs(b), u.scale) for b in ends):
             out.append(
-                f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}; its error and the band are not meaningful. Fix it or "
-                "give it a prior."
+                f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}, so its error and the band are not meaningful. Fix "
+                "it or give it a prior."
             )
     return tuple(out)
 
@@ -755,8 +756,8 @@ def _colour(
     time, size = max(finer, key=lambda key: finer[key])
     noise = max(o.sigma(problem.noise) for o in problem.observations())
     words = (
-        f"the readings wander about the history by {short(np.sqrt(size) * noise)} K over {duration_text(time)}: noise that is not white, "
-        "knots too far apart for the power, or something that the model misses. The band counts it as noise."
+        f"the residuals of the history are autocorrelated, by {short(np.sqrt(size) * noise)} K over {duration_text(time)}. Possible "
+        "causes: noise that is not white, knots too far apart, or missing physics. The band includes this as noise."
     )
     return made(time, size), (words,)
 
@@ -811,8 +812,8 @@ def _told(problem: Problem, sides: Sequence[tuple[Array, Array]], count: int) ->
     if blind.size:
         names = ", ".join(f"'{problem.unknowns[k].name}'" for k in blind.tolist())
         raise IdentificationError(
-            f"the readings say nothing of {names} beside the power. Give a prior (priors = {{...}}), a stretch of known power, or do not "
-            "free it.",
+            f"the readings do not determine {names} together with the power. Give a prior (priors = {{...}}), a period of known power, or "
+            "fix it.",
             problem.experiments[0].record.name,
         )
 

@@ -46,8 +46,8 @@ FURTHEST = 1e-7
 """Share of a law below which no member lies. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
-UNFITTED = "the model's own error: nothing was fitted, so no log says it"
-SILENT = "misfit: the fitted values do not say what their fit could not follow"
+UNFITTED = "the model's own error, because no fit has measured it"
+SILENT = "the misfit, because the fitted values do not include the residuals of their fit"
 FELT = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
@@ -66,7 +66,7 @@ class Spread:
     ----------
     cause : str                     What a reader is told: ``fit``, ``stated``, ``split of effective coefficients``.
     names : tuple of str            Parameters, boundaries (a shift [K]), ``initial.<node>`` [K], ``scale.<load>`` (a factor on its power).
-    covariance : array              Of the values [SI], or of their logarithms where `log` says so.
+    covariance : array              Of the values [SI], or of their logarithms where `log` states this.
     log : tuple of bool             Which are spread in their logarithm; none by default.
     also : dict                     Name -> other parameters that share its value.
     """
@@ -93,7 +93,7 @@ class Spread:
             raise IdentificationError(f"'{loose[0]}' has no finite error. Leave it out, or give it a spread of its own.", self.cause)
         sizes = np.linalg.eigvalsh(covariance) if size else np.zeros(0)
         if not np.allclose(covariance, covariance.T, rtol=1e-6) or sizes.min(initial=0.0) < -1e-9 * sizes.max(initial=0.0):
-            raise IdentificationError("a covariance is symmetric, and no combination of values has a negative variance.", self.cause)
+            raise IdentificationError("a covariance must be symmetric and positive semi-definite.", self.cause)
         object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
         object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
 
@@ -173,7 +173,7 @@ def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
 
 
 def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str, float]:
-    """Return node -> standard deviation of what the last fit that says so could not follow; empty where none does. [K]
+    """Return node -> standard deviation of what the last fit that states this could not follow; empty where none does. [K]
 
     Nodes without a reading of their own have the root mean square of those that have one.
     """
@@ -246,7 +246,7 @@ def open_contacts(known: Known, rows: Rows, scenario: Scenario) -> tuple[dict[st
         name = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]), "")
         if name and name not in out:
             value = float(value_of(numbers[name]))
-            words = f"the part of '{c.path}' that is gas"
+            words = f"gas conduction in '{c.path}'"
             out[name] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MOST / value), 0.0), words)
     if not out:
         return out, ""
@@ -283,7 +283,7 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
             if given.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
                 same.setdefault(entry.where, []).append(path)
         if not same:
-            raise NameNotFoundError(f"the pattern '{raw}' reaches no number{' with min and max' if how == 'range' else ''}.", model.title)
+            raise NameNotFoundError(f"the pattern '{raw}' matches no number{' with min and max' if how == 'range' else ''}.", model.title)
         # what is named wins over a pattern that reaches it
         left = ([p for p in paths if p not in taken] for paths in same.values())
         out += [(paths, how) for paths in left if paths]
@@ -297,7 +297,8 @@ def check_moves(names: Sequence[str], model: Model, scenario: Scenario) -> None:
     if still:
         load = driven.get(still, driven.get(model.canonical(still), ""))
         raise IdentificationError(
-            f"the scenario gives the power of '{load}', so that of the deck, '{still}', moves nothing. Spread 'scale.{load}' in per cent.",
+            f"the scenario gives the power of '{load}', so a spread of the deck's '{still}' has no effect. Spread 'scale.{load}' in "
+            "per cent.",
             model.title,
         )
 
@@ -317,7 +318,8 @@ def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[
     for name in laws[0] if laws else ():
         if max(law[name] for law in laws) - min(law[name] for law in laws) > 1e-9:
             raise ScenarioError(
-                f"the scenarios have different temperatures of '{name}', and its spread gives one for all. Give a shift in kelvin.",
+                f"the scenarios have different temperatures of '{name}', but the spread gives one absolute temperature for all of "
+                "them. Give a shift in kelvin, such as '2 [K]'.",
                 model.title,
             )
 
@@ -512,7 +514,7 @@ class Budget:
             cause = s.cause if isinstance(s, Spread) else "stated"
             for name in map(ready.canonical, _names(s)):
                 if name in owners:
-                    raise IdentificationError(f"'{name}' is spread twice, by {owners[name]} and by {cause}. Leave one out.", ready.title)
+                    raise IdentificationError(f"'{name}' has two spreads, by {owners[name]} and by {cause}. Leave one out.", ready.title)
                 owners[name] = cause
             out = out._joint(s, ready) if isinstance(s, Spread) else out._single(s, ready)
         return out
@@ -528,7 +530,7 @@ class Budget:
             first, *also = map(ready.canonical, names)
             law, nominal = ready.law(first, how), ready.nominal[first]
             again = [self.followed[n] for n in (first, *also) if n in self.followed]
-            # by its logarithm, so that what the fit would have found with another value makes up for all of it and not to first order
+            # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
             positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
             own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
             target = Target(first, "log" if positive else "add", tuple(also))
@@ -598,7 +600,7 @@ def budget_of(
     stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
     model : Model           What fitted values are laid over; a fit's own by default.
     at : str                The submodel that the values belong to.
-    without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result says so.
+    without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
 
     Raises
     ------
@@ -622,7 +624,7 @@ def budget_of(
     if seen:  # the output takes only what the deviations of kinds leave
         misfit = {n: seen.size(LEFT) * size for n, size in misfit.items()}
     if misfit:
-        words = "what the model could not follow in the records that it was fitted to"
+        words = "residuals of the records that the model was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
     make = replace(make, followed=followed_by(source.kept)).with_stated(plain)
     if seen:
@@ -663,7 +665,9 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
         moved = set(network.flat.parameters.downstream(paths))
         constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
         if constant:
-            out.append(LeftOut(f"what constant coefficients leave out of {_listed(constant)}: the values of '{stage}' do not say it"))
+            out.append(
+                LeftOut(f"the error of constant coefficients ({_listed(constant)}), because the values of '{stage}' do not include it")
+            )
     if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
         out.append(LeftOut(SILENT))
     out += [x for s in known.stores for x in s.left_out]
@@ -672,7 +676,9 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
     taken = [*whole.spread, *known.assigned]
     closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
     if closed:
-        out.append(LeftOut(f"radiation without gas of {_listed(closed)}: no record says at which temperatures its coefficient holds"))
+        out.append(
+            LeftOut(f"radiation without gas of {_listed(closed)}, because no record shows at which temperatures its coefficient was found")
+        )
     if not known.values:
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
@@ -680,7 +686,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
         out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({_listed(once)})", listed=True))
     given = _given(whole)
     if given:
-        out.append(LeftOut(f"inputs that nobody spread ({_listed(given)})", listed=True))
+        out.append(LeftOut(f"inputs without a stated spread ({_listed(given)})", listed=True))
     return tuple(out)
 
 
@@ -738,7 +744,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} that no spread names ({_listed([a.path for a in loose])})"
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({_listed([a.path for a in loose])})"
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
@@ -785,7 +791,7 @@ def _costliest(paths: Sequence[str], effects: Array) -> str:
             break
     first = f"{named[0]} costs most ({abs(float(effects[order[0]])):.2g} K)"
     several = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
-    return f"{first}, and measuring {'it' if len(named) == 1 else several} leaves less than half"
+    return f"{first}; measuring {'it' if len(named) == 1 else several} would more than halve this uncertainty"
 
 
 def first_line(left_out: Sequence[LeftOut], error: float) -> str:

@@ -148,8 +148,8 @@ def _shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction(Result):
-    """What a fitted model says of a scenario, and how surely.
+class Prediction:
+    """What a fitted model says of a scenario, and with what uncertainty.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ class Prediction(Result):
     def __str__(self) -> str:
         """Return the end of the run as a table, and what the variance comes from."""
         width = max([4, *(len(n) for n in self.bands)])
-        lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the band that holds the truth in 95 of 100 cases"]
+        lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the 95 % band"]
         lines = [*([self.not_counted] if self.not_counted else []), *lines]
         for name, band in self.bands.items():
             e = band.final
@@ -286,7 +286,7 @@ def predict(
 
     Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
-    or the half-width by a tenth), members are drawn, and a remark says so.
+    or the half-width by a tenth), members are drawn, and a remark states this.
 
     Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first; see `split`. Joints that were
     fitted in air are then as uncertain as the gas in them is.
@@ -300,7 +300,7 @@ def predict(
     every, times                When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
     discrepancy : bool          False for ``without=("structural", "misfit")``.
-    without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result says so.
+    without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
     seed : int                  Of the draws.
     options : Options           The integrator's.
@@ -311,7 +311,7 @@ def predict(
     """
     known = fit if isinstance(fit, Known) else Known.of(fit)
     if draws < 0:
-        raise IdentificationError(f"{draws} members cannot be drawn; give 0 for derivatives alone, or some hundred.", known.model.title)
+        raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
     off = (*without, *(() if discrepancy else ("structural", "misfit")))
     budget = budget_of(known.on(model) if model is not None else known, scenario, spread, without=off)
     return predicted(budget, nodes, every=every, times=times, draws=draws, seed=seed, options=options)
@@ -348,7 +348,7 @@ def predicted(
             on = None if own is None else own[-1:] + (end - linear.run[n].kelvin[-1]) + (column[-1:] - column[-2:-1]) @ sources[:, kept]
             rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}, on).final
     guessed = _guessed(setting, linear)
-    warnings = (*linear.run.warnings, *budget.remarks, *([f"{why.words}: {count} members were drawn"] if why.words else []), *guessed)
+    warnings = (*linear.run.warnings, *budget.remarks, *([f"{why.words}, so {count} members were drawn"] if why.words else []), *guessed)
     left, least = _left_out(budget, bands)
     words, standing = _words(setting), budget.standing
     title, course = budget.model.title, budget.scenario.title
@@ -460,17 +460,17 @@ def _words(setting: Setting) -> dict[str, str]:
         own = [k for k, c in enumerate(budget.causes) if c == cause]
         names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if t.form not in ("mode", "node") and row[own].any()]
         listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-        out[cause] = f"what is left open of {listed}"
+        out[cause] = f"the temperature dependence of {listed}"
     if CONSTANT in out:
         at = budget.conditions
         far = [f"{p} (found at {at[p]}, here {c})" for p, c in setting.here.items() if p in at and _far(at[p], c)]
         listed = "; ".join(far[:3]) + (f"; and {len(far) - 3} more" if len(far) > 3 else "")
-        used = f"used further off: {listed}" if far else "used near where they were found"
-        out[CONSTANT] = f"convection may grow with the difference (exponent 0 to 1/3), radiation with the level; {used}"
+        used = f"extrapolated: {listed}" if far else "used near the conditions of the fit"
+        out[CONSTANT] = f"convection may grow with the difference (exponent 0 to 1/3), radiation with temperature; {used}"
     if KINDS in out:
         out[KINDS] = next(s.words for s, cause in zip(budget.sources, budget.causes, strict=True) if cause == KINDS)
     if MISFIT in out:
-        out[MISFIT] = "what the model could not follow in the records that it was fitted to"
+        out[MISFIT] = "residuals of the records that the model was fitted to"
     return out
 
 
@@ -489,9 +489,8 @@ def _guessed(setting: Setting, linear: Linear) -> list[str]:
     surfaces = sorted(names[s.name] for s, size in zip(budget.sources, own, strict=True) if size)
     listed = ", ".join(surfaces[:3]) + (f" and {len(surfaces) - 3} more" if len(surfaces) > 3 else "")
     return [
-        f"'{worst}' is shifted by {shifts[worst]:+.2g} K, and others less, for radiation that nobody has stated: any emissivity from 0 "
-        f"to 0.95 is taken as equally likely. Bare metal radiates less, and the shift then goes too far. Say the finish, or the "
-        f"emissivity, of {listed}."
+        f"'{worst}' is shifted by {shifts[worst]:+.2g} K, others by less, because no emissivity is stated: any value from 0 to 0.95 "
+        f"is taken as equally likely. For bare metal this shift is too large. Give the finish or the emissivity of {listed}."
     ]
 
 

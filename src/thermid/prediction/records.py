@@ -49,7 +49,7 @@ SAME = 1e-6
 """Difference below which two given temperatures are one. [K]"""
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
 """Nominal shares that are compared with those observed."""
-ROOM, START, READING, SENSORS = "room of the run", "start of the run", "noise of a reading", "constant errors of sensors"
+ROOM, START, READING, SENSORS = "ambient of the run", "start of the run", "noise of a reading", "constant errors of sensors"
 """Causes, as a reader is told them."""
 
 
@@ -307,7 +307,9 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     every = np.unique(np.concatenate([e.times[o.index] for o in e.observations]))
     grid = every[np.unique(np.linspace(0, every.size - 1, min(POINTS, every.size)).round().astype(int))]
     bands = _banded(budget, known, problem, end, e, shown.blocks, grid, seen)
-    listed = LeftOut(f"the temperature of {', '.join(open_)}, as it is assumed: no fit says how runs differ in it") if open_ else None
+    listed = (
+        LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs") if open_ else None
+    )
     left = in_order((*(x for x in budget.omitted if not x.listed), *([listed] if listed else [])))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
     told = (*budget.remarks, *_follow_commands(bands, scenario))
@@ -338,8 +340,8 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
             if abs(found) > SURE * spread and abs(found) > STRONG:
                 chance = f"correlation {found:+.2f}, by chance +- {spread:.2f}"
                 out.append(
-                    f"what {name} misses grows with the command of '{load}' ({chance}): its power or its delay may be wrong, and in closed "
-                    "loop the controller answers to what the model misses"
+                    f"what {name} misses grows with the command of '{load}' ({chance}): its power or its delay may be wrong. In "
+                    "closed loop the controller also reacts to errors of the model"
                 )
     return out
 
@@ -375,7 +377,7 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
             found = OwnValue(name, start, 0.0, found.sd, found.runs)
         cause = START if name.startswith("initial.") else ROOM
         error = found.sd * (1.0 + 1.0 / found.runs) ** 0.5
-        words = f"how runs differ, over {found.runs} of them"
+        words = f"differences between runs, from {found.runs} runs"
         budget = budget.with_one(Source(f"{cause}: {name}", "structural", Normal(found.mean, error), words), cause, Target(name, "add"))
     return budget, open_
 

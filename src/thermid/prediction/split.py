@@ -185,22 +185,23 @@ class Part:
         share = self.effective / need
         power = self.effective * self.area * abs(self.rise)
         return (
-            f"the coefficient of '{self.path}' cannot be split: {self.effective:.3g} W/(m^2 K) in air, but {self.prior.text} radiates at"
+            f"the coefficient of '{self.path}' cannot be separated into convection and radiation: {self.effective:.3g} W/(m^2 K) in "
+            f"air, but {self.prior.text} radiates at"
             f" least {radiation:.2g} and gas at rest conducts at least {self.floor:.2g} W/(m^2 K). One of these is wrong: the area (at most"
-            f" {self.area * share:.3g} m^2 in place of {self.area:.3g}: faces counted twice, inside ones?), the power (at least"
-            f" {power / share:.3g} W through this surface in place of {power:.3g} W), the position of the sensor (the mean surface is at"
-            f" most {abs(self.rise) * share:.2g} K above the gas in place of {abs(self.rise):.3g} K: a hot spot?), or the finish."
+            f" {self.area * share:.3g} m^2 instead of {self.area:.3g}; check for faces counted twice or inside), the power (at least"
+            f" {power / share:.3g} W through this surface instead of {power:.3g} W), the position of the sensor (the mean surface is at"
+            f" most {abs(self.rise) * share:.2g} K above the gas instead of {abs(self.rise):.3g} K: a hot spot?), or the finish."
         )
 
     def conflict(self, left: float, spread: float) -> str:
         """Return what it can mean that the correlation and what is left of the coefficient disagree."""
         head = (
-            f"beside the radiation {left:.2g} +- {spread:.2g} W/(m^2 K) are left for convection, where the correlation for a body of this"
-            f" area says {self.expected:.2g}; it is not used. Suspects:"
+            f"beside the radiation {left:.2g} +- {spread:.2g} W/(m^2 K) remain for convection, but the correlation for a body of this "
+            f"area gives {self.expected:.2g}. The correlation was not used. Possible causes:"
         )
         if left < self.expected:
-            return f"{head} the area (faces counted twice, inside ones?), the power, the position of the sensor, air that is confined"
-        return f"{head} moving air, heat through mounts and leads (which vacuum does not take away), the area, the power"
+            return f"{head} the area (faces counted twice or inside), the power, the position of the sensor, confined air"
+        return f"{head} moving air, heat through mounts and leads (which remains in vacuum), the area, the power"
 
 
 def parts_of(
@@ -221,9 +222,9 @@ def parts_of(
     chosen = [model.canonical(w) for w in wanted] or list(known)
     for path in chosen:
         if path not in known:
-            raise IdentificationError(f"'{path}' is no surface with an effective coefficient.{nearest(path, known)}", model.title)
+            raise IdentificationError(f"'{path}' is not a surface with an effective coefficient.{nearest(path, known)}", model.title)
     if not chosen:
-        raise IdentificationError("no surface has an effective coefficient, so there is nothing to split.", model.title)
+        raise IdentificationError("no surface has an effective coefficient, so there is nothing to separate.", model.title)
     if isinstance(conditions, Mapping):
         at = conditions
     else:
@@ -231,8 +232,8 @@ def parts_of(
         at = {p: (rest[known[p].ends[0]], rest[known[p].ends[1]]) for p in chosen}
     if not at:
         raise IdentificationError(
-            "at which temperatures were the coefficients fitted? Give the conditions: a scenario that settles there, or a fit that has its"
-            " records.",
+            "the temperatures at which the coefficients were fitted are missing. Give a scenario that settles there, or a fit with "
+            "its records.",
             network.title,
         )
     return [_part(network, known[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
@@ -246,7 +247,7 @@ def _part(
     hot, cold = at
     if not abs(hot - cold) > SMALLEST_RISE:
         raise IdentificationError(
-            f"'{c.path}' was never more than {SMALLEST_RISE:g} K from its gas, so nothing is known of its coefficient.", c.where
+            f"'{c.path}' was never more than {SMALLEST_RISE:g} K from the gas temperature, so its coefficient is not determined.", c.where
         )
     total = value_of(values[c.fields["area"]])
     area = value_of(exposed_area(c.path, values[c.fields["area"]], c.takes, values, c.where))
@@ -275,7 +276,7 @@ def _root(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
     """Return the path of the value behind an emissivity; where instances share a fitted one, the path it was fitted under."""
     if not c.emissivity:
         raise IdentificationError(
-            f"nothing says what the emissivity of '{c.path}' may be. Give its finish, such as finish = \"aluminium, machined\", or its"
+            f"the emissivity of '{c.path}' is not stated. Give its finish, such as finish = \"aluminium, machined\", or its"
             " emissivity with min and max.",
             c.where,
         )
@@ -294,10 +295,10 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, tuple[float,
     if chosen is not None:
         mean, sd = chosen
         if not (0.0 < mean <= 1.0 and sd >= 0.0):
-            raise IdentificationError(f"an emissivity of {mean:g} +- {sd:g} cannot be a prior; give a mean from 0 to 1.", c.path)
+            raise IdentificationError(f"an emissivity of {mean:g} +- {sd:g} is not a valid prior. Give a mean from 0 to 1.", c.path)
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
     if not 0.0 < value <= 1.0:
-        raise IdentificationError(f"an emissivity of {value:g} cannot be split from a coefficient; give 0 to 1.", c.where)
+        raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where)
     if c.emissivity in network.flat.finishes:
         found = finish(network.flat.finishes[c.emissivity], c.where)
         return EmissivityPrior(value, found.log_sd, f"finish '{found.name}', {found.low:g} to {found.high:g}", found.name)
@@ -322,7 +323,7 @@ def split(
     of : Calibration or Model   A fit, whose records say at which temperatures the coefficients hold; or a model with `conditions`.
     paths : str or sequence     Surfaces; every one with an effective coefficient by default.
     conditions : Scenario       What was done when the coefficients were fitted, settled; for a model.
-    priors : dict               Path of an emissivity -> (mean, standard deviation), in place of the finish. [-]
+    priors : dict               Path of an emissivity -> (mean, standard deviation), instead of the finish. [-]
 
     Raises
     ------
@@ -379,10 +380,10 @@ def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
     named = ", ".join(f"'{m}'" for m in masses[:4]) + (f" and {len(masses) - 4} more" if len(masses) > 4 else "")
     was = "was" if len(masses) == 1 else "were"
     return (
-        f"{named} {was} fitted beside coefficients that are held constant, while those of air grow with the difference; several per cent"
-        " of a warm-up go into the masses so, and without gas the way up is off by that share (0.3 K of a rise of 15 K on a painted box,"
-        " 2 K on an assembly). What settles is not touched. `predict` allows for it; the errors here and members drawn from `values` do"
-        " not. A law of natural convection with the emissivity freed has none of it."
+        f"{named} {was} fitted together with constant coefficients, although those of air grow with the difference. The masses absorb "
+        "several per cent of a warm-up in this way, so a transient without gas is wrong by that share (0.3 K of a rise of 15 K on a "
+        "painted box, 2 K on an assembly). Steady states are not affected. `thermid predict` includes this error; the errors here, "
+        "and members drawn from `values`, do not. To avoid it, fit a law of natural convection and the emissivity."
     )
 
 
@@ -457,7 +458,7 @@ class _Joint:
         return np.asarray(gain)
 
     def _ceiling(self, part: Part) -> tuple[float, float]:
-        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and how well it is known."""
+        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and its uncertainty."""
         room = max(part.effective - part.floor, 1e-3 * part.effective)
         return math.log(room / part.black), part.effective_error / room
 

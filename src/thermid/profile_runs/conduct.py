@@ -279,7 +279,7 @@ def memory_of(model: Model, scenario: Scenario) -> str:
                 return f"{kind}.{name} changes with time"
     for gas, e in scenario.environment.items():
         if e.vented or e.sealed or e.pressure.cycle != 0.0:
-            return f"the gas '{gas}' has a pressure of its own"
+            return f"the gas '{gas}' has a different pressure"
     return ""
 
 
@@ -338,7 +338,7 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
     ScenarioError   When a rule on stored heat is to be asked of averages.
     """
     if wanted.average and wanted.rule.stored:
-        raise ScenarioError(f"'{wanted.rule.name}' is not asked of averages. Take a rule on the rate, or no average.", wanted.where)
+        raise ScenarioError(f"'{wanted.rule.name}' does not apply to averages. Use a rule on the rate, or no average.", wanted.where)
     step = wanted.window / (SAMPLES if wanted.rule.window else 1)
     if wanted.average:
         step = wanted.average / max(WITHIN, math.ceil(wanted.average / step))
@@ -423,21 +423,18 @@ def _never(leg: Leg, wanted: Wanted, times: Array, traces: Array, mover: int) ->
     node = wanted.watch[mover]
     rate = _rate(leg, wanted, times, traces, node, float(times[-1]))
     rule, waited = wanted.rule.name, duration_text(wanted.longest)
-    text = f"it does not become stable by the rule '{rule}' within {waited}: '{node}' still changes by {3600.0 * rate:+.3g} K/h"
+    text = f"it is not stable by the rule '{rule}' after {waited}: '{node}' still changes by {3600.0 * rate:+.3g} K/h"
     steady = leg.steady((node, *([wanted.base] if wanted.base else [])))
     if wanted.average:
         mean = duration_text(wanted.average)
         return f"{text} in its mean over {mean}. Allow a longer wait (longest_wait), another rule, or a longer average."
     if leg.bench.memory and not leg.bench.memory.startswith("the gas"):
         return (
-            f"{text}. {leg.bench.memory}, so its temperature swings for ever; ask the rule of means over a whole number of swings "
-            "(average = '30 [min]'), watch other nodes, or take a rule with a wider allowance."
+            f"{text}. {leg.bench.memory}, so its temperature oscillates without end. Apply the rule to means over whole periods "
+            "(average = '30 [min]'), watch other nodes, or use a wider rule."
         )
     if steady is None:
-        return (
-            f"{text}, and there is no steady state that it could reach. Look for a part without a path to the chamber, or a power "
-            "that runs away."
-        )
+        return f"{text}, and it has no steady state. Look for a part without a path to the chamber, or a power that grows without limit."
     if wanted.base and abs(steady[wanted.base] - wanted.level) > wanted.tolerance:
         return (
             f"{text}; '{wanted.base}' would settle at {steady[wanted.base] - ICE_POINT:.1f} degC, outside {wanted.level - ICE_POINT:.1f} "
@@ -464,9 +461,11 @@ def bench_of(
     network = compile_network(model, prescribed=tuple(base.prescribed))  # the steps say in which gas it runs
     asked = (chamber,) if isinstance(chamber, str) else tuple(chamber)
     if not asked and len(network.boundaries) != 1:
-        raise ScenarioError(f"say which boundaries are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title)
+        raise ScenarioError(
+            f"name the boundaries that are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title
+        )
     names = tuple(model.canonical(n) for n in asked) or network.boundaries
-    refuse_unknown(names, network.boundaries, f"{profile.title}, chamber", "'{}' is no boundary.", ScenarioError)
+    refuse_unknown(names, network.boundaries, f"{profile.title}, chamber", "'{}' is not a boundary.", ScenarioError)
     free = [b for b in network.boundaries if b not in names and b not in {model.canonical(k) for k in base.boundaries}]
     if free:
         raise ScenarioError(
@@ -565,7 +564,7 @@ def _chamber_ramp(ramp: str | float) -> float:
     """Return what a chamber can. [K/s]"""
     rate = literal(ramp, "K/s", "chamber_ramp") if isinstance(ramp, str) else float(ramp)
     if rate <= 0.0:
-        raise ScenarioError("a chamber that cannot change its temperature runs no profile.", "chamber_ramp")
+        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp")
     return rate
 
 
@@ -622,7 +621,7 @@ class _Course:
         asked = step.over if step.over is not None else way / step.ramp if step.ramp else 0.0
         least = way / self.limit
         if least > asked:
-            self.remarks[f"the chamber is limited to {60.0 * self.limit:.3g} K/min, slower than the profile asks for"] = None
+            self.remarks[f"the chamber is limited to {60.0 * self.limit:.3g} K/min, slower than the profile requires"] = None
         return max(asked, least)
 
     def _set_point(self, after: ChamberConditions, level: float) -> float:
@@ -634,7 +633,7 @@ class _Course:
             leg = self.bench.leg(Timeline((0.0,), (replace(after, chamber=chamber),)), replace(after, chamber=chamber), 0.0)
             steady = leg.steady((self.base,))
             if steady is None:
-                self.remarks[f"'{self.base}' has no steady state to aim at: the chamber stays at the level itself"] = None
+                self.remarks[f"'{self.base}' has no steady state, so the chamber is set to the level itself"] = None
                 return level
             off = steady[self.base] - level
             if abs(off) < 1e-3:
@@ -646,7 +645,7 @@ class _Course:
                 break
             chamber = max(chamber - off / slope, 5.0)
         raise ScenarioError(
-            f"no temperature of the chamber brings '{self.base}' to {level - 273.15:.1f} degC; the level is out of its reach.",
+            f"no chamber temperature brings '{self.base}' to {level - 273.15:.1f} degC. Use another level.",
             self.profile.title,
         )
 
@@ -666,7 +665,7 @@ class _Course:
     def _wait(self, step: ProfileStep) -> None:
         """Run on until the unit is stable."""
         if self.rule is None:
-            raise ScenarioError("it waits for a stable unit and has no rule for that. Give it: stable = '3 C/h'.", self.profile.title)
+            raise ScenarioError("it waits for a stable unit, but the rule is missing. Give one: stable = '3 C/h'.", self.profile.title)
         tolerance = self.profile.value("tolerance") if self.profile.has("tolerance") else float("inf")
         base = self.base if np.isfinite(tolerance) else ""
         where = f"{self.profile.title}, {step.name}"

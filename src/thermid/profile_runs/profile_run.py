@@ -198,7 +198,8 @@ class ProfileRun(Result):
     def __str__(self) -> str:
         """The phases as a table, and the extremes of every node."""
         total = (
-            f"{self.profile.title} on {self.solution.title}: {duration_text(self.duration)}, of it {duration_text(self.waited)} of waiting"
+            f"{self.profile.title} on {self.solution.title}: {duration_text(self.duration)}, including {duration_text(self.waited)} "
+            "of waiting"
         )
         wide = max(len(p.name) for p in self.phases)
         lines = [total, f"  {'at':>8}  {'for':>9}  {'cycle':>5}  {'phase':<{wide + 7}}  {'unit':<4}  {'chamber':>8}"]
@@ -244,7 +245,7 @@ def _wettest(run: ProfileRun) -> Iterator[str]:
         worst, wet = max(wet_surfaces, key=lambda s: float(s.film.max())), max(s.wet for s in wet_surfaces)
         many = f"{len(wet_surfaces)} surfaces" if len(wet_surfaces) > 1 else "one surface"
         film = _film(float(worst.film.max()))
-        yield f"water settles on {many}, most on '{worst.surface}': {film}; wet for {duration_text(wet)} at most"
+        yield f"water condenses on {many}, most on '{worst.surface}': {film}; wet for {duration_text(wet)} at most"
 
 
 def _film(kilograms: float) -> str:
@@ -257,7 +258,7 @@ def _level(run: ProfileRun) -> Iterator[str]:
     """Say where the levels hold when no base plate was named."""
     waits = [p for p in run.phases if p.kind == "wait"]
     if waits and not run.base:
-        yield "no base plate was named: the levels are those of the chamber, and the rule waits for the slowest node"
+        yield "no base plate was named, so the levels are those of the chamber and the rule applies to the slowest node"
 
 
 def _ramp(run: ProfileRun) -> Iterator[str]:
@@ -283,7 +284,7 @@ def _ramp(run: ProfileRun) -> Iterator[str]:
         f"{max(lags):.1f} K behind the chamber when that arrives"
     )
     if run.profile.has("ramp_least") and min(means) < run.profile.value("ramp_least"):
-        yield f"that is slower than the {60.0 * run.profile.value('ramp_least'):.3g} K/min that the profile asks for at least"
+        yield f"that is slower than the least rate of the profile, {60.0 * run.profile.value('ramp_least'):.3g} K/min"
 
 
 def _unfinished(run: ProfileRun) -> Iterator[str]:
@@ -292,8 +293,8 @@ def _unfinished(run: ProfileRun) -> Iterator[str]:
     if waits:
         worst = max(waits, key=lambda p: abs(p.unfinished or 0.0))
         yield (
-            f"when '{worst.rule}' held in '{worst.name}', '{worst.furthest}' was still {abs(worst.unfinished or 0.0):.1f} K from where it "
-            "settles: the dwell begins before the unit is at its temperature"
+            f"when '{worst.rule}' held in '{worst.name}', '{worst.furthest}' was still {abs(worst.unfinished or 0.0):.1f} K from its "
+            "steady state, so the dwell begins before the unit has reached its temperature"
         )
 
 
@@ -305,6 +306,6 @@ def _wet(run: ProfileRun) -> Iterator[str]:
         if s.condensing > 0.0:
             k = int(s.margin.argmin())
             yield (
-                f"water settles on '{s.surface}' for {duration_text(s.condensing)}: {-s.margin[k]:.1f} K below the dew point at "
+                f"water condenses on '{s.surface}' for {duration_text(s.condensing)}: {-s.margin[k]:.1f} K below the dew point at "
                 f"{s.times[k] / 3600.0:.2f} h; wet for {duration_text(s.wet)}, up to {_film(float(s.film.max()))}"
             )

@@ -1,4 +1,4 @@
-"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, remarks of a careful reader, text and TOML."""
+"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, checks, text and TOML."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any, Final
 
 from thermid.errors import ScenarioError, ThermidError, look_up, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.files import PROFILE, write_text
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.results import Result
 from thermid.sourced import check_mark, weakest
+from thermid.toml_files import Places
 from thermid.units import TEMPERATURE
 
+MOST_CYCLES: Final = 10_000
 SLOTS: Final[Mapping[str, str]] = {
     "hot": TEMPERATURE,
     "cold": TEMPERATURE,
@@ -110,16 +114,16 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     if isinstance(spec, Mapping):
         unknown = set(spec) - {"value", "mark", "clause", "note"}
         if unknown or "value" not in spec:
-            raise ScenarioError("a number is a value, or a table of value, mark, clause and note.", place)
+            raise ScenarioError("give a number as a value, or as a table of value, mark, clause and note.", place)
         mark, clause, note = spec.get("mark", mark), spec.get("clause", clause), spec.get("note", "")
         spec = spec["value"]
     check_mark(mark, place)
     if name in WORDS:
         if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
-            raise ScenarioError(f"{spec!r} is none of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
+            raise ScenarioError(f"{spec!r} is not one of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
         return Number(spec, "", mark, clause, note)
     if isinstance(spec, bool) or not isinstance(spec, str | int | float):
-        raise ScenarioError(f"{spec!r} is no value with a unit.", place)
+        raise ScenarioError(f"{spec!r} is not a value with a unit.", place)
     value = literal(spec, SLOTS[name], place) if isinstance(spec, str) else float(spec)
     if SLOTS[name] != TEMPERATURE and value < 0.0:
         raise ScenarioError(f"{spec!r} is below zero.", place)
@@ -136,9 +140,6 @@ def typed(name: str, text: str) -> str | float:
     if slot is None:
         return text.strip()
     return value if slot == "1" else f"{text.strip()} [{USUAL.get(slot, slot)}]"
-
-
-STEP_KEYS = ("name", "cycle", "to", "over", "ramp", "pressure", "humidity", "wait", "dwell", "power", "mark")
 
 
 @dataclass(frozen=True)
@@ -188,11 +189,11 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
     SMC-S-016 (2014), 6.3.8.3: N = 27 (105/dT)^1.4, 20 (95/dT)^1.4, 14 (85/dT)^1.4.
     """
     if isinstance(level, str):
-        level = look_up(level, EQUIVALENCE, "there is no level '{}'; there are {known}.", "cycles", ScenarioError)
+        level = look_up(level, EQUIVALENCE, "unknown level '{}'. Use one of {known}.", "cycles", ScenarioError)
     low, high = (literal(v, TEMPERATURE, "cycles") if isinstance(v, str) else float(v) for v in (cold, hot))
     if low >= high:
         raise ScenarioError(
-            f"the cold level, {low - 273.15:g} degC, does not lie below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
+            f"the cold level, {low - 273.15:g} degC, is not below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
             "cycles",
         )
     return math.ceil(round(level.exact(high - low), 9))
@@ -232,7 +233,6 @@ class ProfileStep:
 
 def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
     """Return a step as a file writes it; a value may be the name of a number of the profile."""
-    refuse_unknown(row, STEP_KEYS, where, "a step has no '{}'; it has {known}.", ScenarioError)
 
     def value(key: str, slot: str) -> float | None:
         text = row.get(key)
@@ -246,8 +246,6 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
         return quantity
 
     power = row.get("power")
-    if power not in (None, "on", "off"):
-        raise ScenarioError(f"{power!r}: power is on or off.", where)
     mark = row.get("mark", profile.step_mark)
     check_mark(mark, where)
     target, over = value("to", TEMPERATURE), value("over", "s")
@@ -371,8 +369,8 @@ class ThermalProfile(Result):
         margin, least = self.numbers.get("margin"), self.numbers.get(f"{side}_least")
         if margin is None or (self.predicted is None and least is None):
             raise ScenarioError(
-                f"its {side} level is not known: give {side}, or predicted=(lowest, highest), the temperatures that a model predicts with "
-                "its uncertainty added.",
+                f"its {side} level is not known: give {side}, or predicted=(lowest, highest), the predicted temperatures including "
+                "their uncertainty.",
                 self.title,
             )
         sign, pick = (1.0, max) if side == "hot" else (-1.0, min)
@@ -391,7 +389,7 @@ class ThermalProfile(Result):
         """Return a number. [SI]"""
         number = self[name].value
         if isinstance(number, str):
-            raise ScenarioError(f"its {name} is a word: {number}.", self.title)
+            raise ScenarioError(f"its {name} is a word, not a number: {number}.", self.title)
         return number
 
     def word(self, name: str, otherwise: str) -> str:
@@ -406,9 +404,12 @@ class ThermalProfile(Result):
         ------
         ScenarioError   When a number that the steps need is missing.
         """
-        count = int(self.value("cycles"))
+        wanted = self.value("cycles")
+        count = int(wanted) if math.isfinite(wanted) else 0
+        if count > MOST_CYCLES:
+            raise ScenarioError(f"{count:g} cycles are too many to write out; at most {MOST_CYCLES}.", self.title)
         if count < 1 or count != self.value("cycles"):
-            raise ScenarioError(f"a profile has a whole number of cycles, at least one, not {self['cycles'].text}.", self.title)
+            raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
         if not self.plan:
             return tuple(_cycling(self, count))
         out: list[ProfileStep] = []
@@ -452,12 +453,12 @@ class ThermalProfile(Result):
                 "read": "every number was read in the standard",
                 "project": "its numbers were read in the standard or set by the project",
             }
-            return words.get(self.mark, "some numbers come from documents about the standard, not from the standard itself")
+            return words.get(self.mark, "some numbers come from secondary documents, not from the standard itself")
         which = ", ".join(self.from_memory) or "the rule of stability"
-        return f"from memory, not checked against the standard: {which}. No verdict may rest on this profile before they are read there"
+        return f"quoted from memory, not checked against the standard: {which}. Check them there before any verdict uses this profile"
 
     def check(self, beside: float = 0.0) -> tuple[str, ...]:
-        """Return what a careful reader would remark: order against condensation, cycles against the range, levels in the wrong order.
+        """Check the profile: order against condensation, cycles against the range, levels in the wrong order.
 
         Parameters
         ----------
@@ -486,7 +487,11 @@ class ThermalProfile(Result):
         changed = replace(self, numbers={**self.numbers, **new}, title=title or self.title)
         if predicted is not None:
             changed = replace(changed, predicted=pair_of(predicted, self.title))
-        return changed if steps is None else replace(changed, plan=tuple(dict(s) for s in steps), step_mark="project")
+        if steps is None:
+            return changed
+        place = Places(f"{self.title}, steps")
+        rows = (by_grammar("thermid.profiles.schema.StepTable", s, place).written for s in steps)
+        return replace(changed, plan=tuple(rows), step_mark="project")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
@@ -500,12 +505,10 @@ class ThermalProfile(Result):
 def pair_of(pair: Any, where: str) -> tuple[float, float]:
     """Return the predicted range (lowest, highest). [K]"""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
-        raise ScenarioError("predicted is a pair: the lowest and the highest predicted temperature.", where)
-    low, high = (literal(v, TEMPERATURE, f"{where}, predicted") if isinstance(v, str) else float(v) for v in pair)
+        raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where)
+    low, high = (float(v) if isinstance(v, Real) else literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
     if low >= high:
-        raise ScenarioError(
-            f"predicted: the lowest ({low - 273.15:g} degC) does not lie below the highest ({high - 273.15:g} degC).", where
-        )
+        raise ScenarioError(f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).", where)
     return low, high
 
 
@@ -601,7 +604,7 @@ def ordered(profile: ThermalProfile) -> None:
     """
     cold, hot = profile["cold"], profile["hot"]
     if float(cold.value) >= float(hot.value):
-        raise ScenarioError(f"its cold level, {cold.text}, does not lie below its hot level, {hot.text}. Exchange them.", profile.title)
+        raise ScenarioError(f"its cold level, {cold.text}, is not below its hot level, {hot.text}. Exchange them.", profile.title)
 
 
 def _condensation(profile: ThermalProfile) -> Iterator[str]:
@@ -615,8 +618,8 @@ def _condensation(profile: ThermalProfile) -> Iterator[str]:
     for place, side in (("first", turns[0]), ("last", turns[-1])):
         if side != "hot":
             yield (
-                f"the {place} half cycle is cold: the unit is colder than humid air can be when the door opens. SMC-S-016, 6.3.8.3 asks "
-                "for a first and a last half cycle that are hot, or for dry gas"
+                f"the {place} half cycle is cold, so water may condense on the unit when the door opens. SMC-S-016, 6.3.8.3 requires "
+                "a hot first and last half cycle, or dry gas"
             )
 
 
@@ -633,7 +636,7 @@ def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
     if need != law.cycles or cycles < need:
         missing = need - cycles - beside
         yield (
-            f"over {high - low:.4g} K the clause asks for {need} cycles in all ({law.cycles:g} ("
+            f"over {high - low:.4g} K the clause requires {need} cycles in all ({law.cycles:g} ("
             + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "
             f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {cycles:g}"
             + (f" and other tests of the plan {beside:g}" if beside else "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,19 +11,19 @@ from typing import Any, Final
 
 from thermid.arguments import takes_objects
 from thermid.errors import ScenarioError, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.measure.record.steadiness import rule_of
 from thermid.profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, pair_of
-from thermid.toml_files import read_toml
+from thermid.toml_files import Places, read_toml
 
 LIBRARY: Final = Path(__file__).parent / "library"
 OWN: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
 """Numbers that every run needs and no standard gives."""
-KEYS: Final = ("title", "like", "level", "kind", "standard", "edition", "clause", "note", "mark", "predicted", "numbers", "steps")
 
 
 @lru_cache(maxsize=1)
 def _library() -> tuple[Mapping[str, Any], ...]:
-    """Return the standards as they stand in the package."""
+    """Return the standards as they are in the package."""
     return tuple(read_toml(file)[0] for file in sorted(LIBRARY.glob("*.toml")))
 
 
@@ -41,8 +41,8 @@ def _standard(name: str) -> Mapping[str, Any]:
     if name.casefold() not in names:
         known = [data["standard"] for data in _library()]
         raise ScenarioError(
-            f"there is no standard '{name}' here; there are {', '.join(known)}.{nearest(name.casefold(), names)} "
-            "A test by another one is a profile of your own, each number with its mark and clause.",
+            f"unknown standard '{name}'. Known: {', '.join(known)}.{nearest(name.casefold(), names)} "
+            "For another standard write a profile file, each number with its mark and clause.",
             "profile",
         )
     return names[name.casefold()]
@@ -70,11 +70,14 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     if name not in known:
         have = ", ".join(f"'{k}'" for k in known)
         if not name:
-            raise ScenarioError(f"{data['standard']} has several profiles; name one: {have}.", "profile")
+            raise ScenarioError(f"{data['standard']} has several profiles. Name one: {have}.", "profile")
         raise ScenarioError(f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile")
     spec = known[name]
     base = known[spec["like"]] if "like" in spec else {}
     levels = spec.get("levels", {})
+    for word in (standard, name, level):
+        if not isinstance(word, str):
+            raise ScenarioError(f"a standard, a profile and a level are texts, not {word!r}.", "profile")
     if level and level not in levels:
         have = f"it has {', '.join(levels)}" if levels else "it has none"
         raise ScenarioError(f"'{name}' of {data['standard']} has no level '{level}'; {have}.{nearest(level, levels)}", "profile")
@@ -111,21 +114,23 @@ def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
     DeckError       When the file cannot be read.
     """
     file = Path(path)
-    data, _ = read_toml(file)
-    return profile_from(data.get("profile", data), file.name, file.stem)
+    data, lines = read_toml(file)
+    where, apart = Places(file.name, lines), "profile" in data
+    return profile_from(data.get("profile", data), lambda key: where(f"profile.{key}".rstrip(".") if apart else key), file.stem)
 
 
-def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> ThermalProfile:
+def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], stem: str = "profile") -> ThermalProfile:
     """Return the profile of a table ``[profile]``; a plan file may hold one.
 
     Raises
     ------
     ScenarioError   As in `load_profile`.
     """
-    place = f"{where}, profile"
-    if not isinstance(data, Mapping) or not data:
+    at = Places(f"{where}, profile") if isinstance(where, str) else where
+    place = at("")
+    if not data:
         raise ScenarioError("there is no table [profile].", place)
-    refuse_unknown(data, (*KEYS, *SLOTS, *WORDS), place, "a profile has no '{}'.", ScenarioError)
+    data = by_grammar("thermid.profiles.schema.ProfileTable", data, at).written
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
         standard, name = _split(data["like"], place)
@@ -133,7 +138,7 @@ def profile_from(data: Mapping[str, Any], where: str, stem: str = "profile") -> 
         profile = replace(profile, title=data.get("title", profile.title), note=data.get("note", profile.note))
     else:
         kind = data.get("kind", "thermal cycling")
-        refuse_unknown([kind], KINDS, place, "there is no kind '{}'; there are {known}.", ScenarioError)
+        refuse_unknown([kind], KINDS, place, "unknown kind '{}'. Use one of {known}.", ScenarioError)
         standard, edition, clause, level = (str(data.get(k, "")) for k in ("standard", "edition", "clause", "level"))
         profile = ThermalProfile(data.get("title", stem), kind, standard, edition, clause, level, {**OWN_TABLE}, note=data.get("note", ""))
     mark = data.get("mark", "project")
@@ -154,4 +159,4 @@ def _split(like: Any, where: str) -> tuple[str, str]:
         if text.casefold().startswith(name.casefold()):
             return name, text[len(name) :].strip(" ,:")
     known = ", ".join(d["standard"] for d in _library())
-    raise ScenarioError(f"like = {text!r} begins with no standard that is known here; there are {known}.", where)
+    raise ScenarioError(f"like = {text!r} does not begin with a known standard. Known: {known}.", where)

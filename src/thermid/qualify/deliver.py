@@ -27,6 +27,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
+from thermid.toml_files import read_json
 
 SAME = 1e-6
 """Difference up to which a repeated run is the same. [K]"""
@@ -66,14 +67,14 @@ def deliver(
     """
     target = Path(to)
     if target.exists() and any(target.iterdir()):
-        raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once; give a new folder.")
+        raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once. Give a new folder.")
     names, stages = [Path(s).name for s in scenarios], [v.stage for v in values]
     for what, names_of in (("scenario files are named", names), ("files of values are of stage", stages)):
         if twice := [n for n in dict.fromkeys(names_of) if names_of.count(n) > 1]:
-            raise DeckError(f"two {what} '{twice[0]}', and a delivery keeps each under its name. Rename one, or leave it out.", model.title)
+            raise DeckError(f"two {what} '{twice[0]}', but a delivery needs different names. Rename one, or leave it out.", model.title)
     loaded = dict(zip(names, map(load_scenario, scenarios), strict=True))
     if not loaded:
-        raise DeckError("a delivery needs a scenario, to say what must come out.", model.title)
+        raise DeckError("a delivery needs a scenario, to state the expected result.", model.title)
     small = reduce(model, list(loaded.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
     record = _record(model, loaded, small, at)
     with folder_replacing(target) as folder:
@@ -101,11 +102,10 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     DeckError   When a file has changed since it was written, or a temperature is not met.
     """
     base = Path(folder)
-    try:
-        record = json.loads((base / "checks.json").read_text(encoding="utf-8"))
-        files, runs, watched = record["files"], record["runs"], record["reference_points"]
-    except (OSError, ValueError, KeyError) as error:
-        raise DeckError(f"'{base.name}' is no delivery: it has no checks.json with files and runs ({error}).") from None
+    if not (base / "checks.json").is_file():
+        raise DeckError(f"'{base.name}' is no delivery: it has no checks.json with files and runs.")
+    record = read_json(base / "checks.json", "delivery")
+    files, runs, watched = record.files, record.runs, record.reference_points
     for name, kept in files.items():
         if not (base / name).is_file() or _hash(base / name) != kept:
             raise DeckError(f"'{name}' is not the file that was delivered.", base.name)
@@ -113,10 +113,10 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     out = {}
     for name, want in runs.items():
         run = simulate(model, load_scenario(base / "scenarios" / name))
-        off = {p: np.abs(run[p].at(np.array(want["times_s"])) - want["temperatures_C"][p]).max() for p in watched}
+        off = {p: np.abs(run[p].at(np.array(want.times)) - np.array(want.temperatures[p])).max() for p in watched}
         worst = max(off, key=lambda p: off[p])
         if not off[worst] <= SAME:
-            raise DeckError(f"'{worst}' is {off[worst]:.3g} K from what it must be in {name}.", base.name)
+            raise DeckError(f"'{worst}' is {off[worst]:.3g} K from its expected value in {name}.", base.name)
         out[name] = float(off[worst])
     return out
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.campaign.hand import filed
 from thermid.campaign.stages import run_stages
-from thermid.errors import DeckError, NameNotFoundError, errors_at, nearest, refuse_unknown
+from thermid.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
+from thermid.extensions import by_grammar
 from thermid.files import OWN, read_bytes, write_text
 from thermid.fit.uncertainty.groups import listed
 from thermid.judge.criteria import CRITERIA, Criteria
@@ -25,12 +27,11 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
 from thermid.reduction.macro import macro_model
-from thermid.results import Result
-from thermid.toml_files import Places, project_root, read_toml, refuse_another_kind, resolve_inside
-from thermid.units import TEMPERATURE, counted
+from thermid.toml_files import Places, project_root, read_json, read_toml, refuse_another_kind, resolve_inside
+from thermid.units import TEMPERATURE
 
 if TYPE_CHECKING:
-    from thermid.qualify.plan_schema import PlanFile, TestTable
+    from thermid.qualify.plan_schema import LockFile, PlanFile, TestTable
 
 
 from datetime import UTC, datetime
@@ -146,20 +147,18 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     DeckError           When it does not follow the grammar, says no objective, test or limit, or a test has no course.
     NameNotFoundError   When a test names a sensor, a set of criteria or a host that the plan does not have.
     """
-    from thermid.qualify.plan_schema import PlanFile
-
     target = Path(path)
     raw, lines = read_toml(target)
     refuse_another_kind(raw, "a qualification plan, which names it under [model] beside objectives, limits and tests", target.name)
     _not_empty(raw, target.name)
     where = Places(target.name, lines)
-    content = PlanFile.from_file(raw, where)
+    content: PlanFile = by_grammar("plan", raw, where)
     source = content.model
     if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
         raise DeckError(
-            "the model is a deck, with a values file if there is one, or a stage of a campaign: campaign and stage.", where("model")
+            "give the model as a deck, with a values file if any; or as a stage of a campaign: campaign and stage.", where("model")
         )
-    limits = _limits(content.limits, target.parent, where("limits"))
+    limits = _limits(content.limits, target.parent, where)
     project_sets = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
     criteria = CRITERIA | project_sets
     check_parts(content, where)
@@ -175,12 +174,12 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
 
 
-def _limits(limits: str | Mapping[str, Any], folder: Path, where: str) -> tuple[Limits, ...]:
+def _limits(limits: str | Mapping[str, Any], folder: Path, where: Places) -> tuple[Limits, ...]:
     """Return the limits of a plan; errors of a file of their own name the plan too."""
     if not isinstance(limits, str):
-        return read_limits(limits, where)
-    with errors_at(where, ", "):
-        return load_limits(resolve_inside(folder, limits, where))
+        return read_limits(limits, lambda key: where(f"limits.{key}" if key else "limits"))
+    with errors_at(where("limits"), ", "):
+        return load_limits(resolve_inside(folder, limits, where("limits")))
 
 
 def _not_empty(raw: Mapping[str, Any], name: str) -> None:
@@ -188,13 +187,13 @@ def _not_empty(raw: Mapping[str, Any], name: str) -> None:
     lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
     if len(lacking) == 6:
         raise DeckError(
-            "the plan is empty. It says what is to be shown before any log is read: title, objectives, [model], [limits], [sensors] and "
+            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
             "[[tests]].",
             name,
         )
     if lacking:
         raise DeckError(
-            f"the plan has no {', no '.join(lacking)}. Say so before any log is read; what is decided afterwards proves little.", name
+            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.", name
         )
 
 
@@ -284,6 +283,7 @@ def _found(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
 
 
 Where = Callable[[str], str]
+PROFILE = "thermid.profiles.schema.ProfileTable"
 RANGES = {"temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
 """Key of the validity -> the unit of its two ends."""
 
@@ -298,16 +298,16 @@ def check_parts(content: PlanFile, where: Where) -> None:
     """
     for name, sensor in content.sensors.items():
         if not sensor.reason.strip():
-            raise DeckError(f"sensor '{name}' sits there without a reason. Say why.", where(f"sensors.{name}.reason"))
+            raise DeckError(f"sensor '{name}' has no reason for its place. State why.", where(f"sensors.{name}.reason"))
     for name in content.exclusions.reasons:
         refuse_unknown(
-            [name], content.sensors, where(f"exclusions.reasons.{name}"), "'{}' is excluded, but is no sensor.", NameNotFoundError
+            [name], content.sensors, where(f"exclusions.reasons.{name}"), "'{}' is excluded, but is not a sensor.", NameNotFoundError
         )
     for key, unit in RANGES.items():
         texts = getattr(content.validity, key)
         ends = [literal(t, unit, where(f"validity.{key}")) for t in texts]
         if texts and (len(ends) not in ((1, 2) if key == "gravity" else (2,)) or ends != sorted(ends)):
-            raise DeckError(f"where the model was calibrated is a pair, lowest first, not {texts}.", where(f"validity.{key}"))
+            raise DeckError(f"give the range of the calibration as a pair, lowest first, not {texts}.", where(f"validity.{key}"))
 
 
 def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:
@@ -323,25 +323,29 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     if not test.name.strip() or names.count(test.name) > 1:
         raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
     if test.profile is None and test.scenario is None:
-        raise DeckError(f"test '{test.name}' needs its course: a profile or a scenario.", where("name"))
+        raise DeckError(f"test '{test.name}' needs a profile or a scenario.", where("name"))
     refuse_unknown([test.host] if test.host else (), content.hosts, where("host"), "there is no host '{}'.", NameNotFoundError)
     for key in ("sensors", "weights"):
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
     have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
     refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
+    for key, kind, given in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
+        if isinstance(given, Mapping):
+            by_grammar(kind, given, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
     rule_of(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
     if test.log is not None and steady and not test.steady and test.profile is None:
         raise DeckError(
-            f"'{steady[0]}' judges settled cases, and test '{test.name}' names no settled stretch: steady = [[\"4 [h]\", \"5 [h]\"]].",
+            f"'{steady[0]}' applies to steady cases, but test '{test.name}' names no steady period. Give steady = [[\"4 [h]\", \"5 "
+            '[h]"]].',
             where("criteria"),
         )
     for window in test.steady:
         ends = [literal(t, "s", where("steady")) for t in window]
         if len(ends) != 2 or not ends[0] < ends[1]:
-            raise DeckError('a settled stretch is a pair of times, the earlier first: ["4 [h]", "5 [h]"].', where("steady"))
+            raise DeckError('give a steady period as a pair of times, the earlier first: ["4 [h]", "5 [h]"].', where("steady"))
     if test.state == "waived" and not test.note.strip():
-        raise DeckError(f"test '{test.name}' is waived without a reason. Say why, and by whom, in its note.", where("state"))
+        raise DeckError(f"test '{test.name}' is waived without a reason. State why, and by whom, in its note.", where("state"))
 
 
 @dataclass(frozen=True)
@@ -373,14 +377,16 @@ class LockStatus:
         """Return it in words."""
         keys = ", ".join(self.changed[:6]) + (f" and {len(self.changed) - 6} more" if len(self.changed) > 6 else "")
         return {
-            "open": "the plan is not locked: lock it before any log is read (thermid plan ... --lock)",
-            "locked": f"the plan is as it was locked on {self.date}, hash {self.sha256[:12]}"
-            + (", before any log was looked at" if self.looked else "; no log was looked at yet"),
-            "changed": f"the plan was changed since it was locked on {self.date}: {keys}; no log was looked at yet, lock it again",
-            "late": "another plan of this folder had looked at its logs before it was locked: it does not show what was decided beforehand"
+            "open": "the plan is not locked. Lock it before any log is read: thermid plan PLAN --lock",
+            "locked": f"the plan is unchanged since it was locked on {self.date} (hash {self.sha256[:12]})"
+            + (", before any log was read" if self.looked else ". No log has been read since"),
+            "changed": f"the plan was changed after it was locked on {self.date}: {keys}. No log has been read since; lock it again",
+            "late": "another plan of this folder read its logs before it was locked, so the lock does not prove that the criteria "
+            "were set in advance"
             if self.date
-            else f"logs were looked at on {self.looked} before the plan was locked: it does not show what was decided beforehand",
-            "moved": f"THE PLAN WAS CHANGED AFTER LOGS WERE LOOKED AT on {self.looked}: {keys}; it was locked on {self.date}",
+            else f"logs were read on {self.looked}, before the plan was locked, so the lock does not prove that the criteria were set "
+            "in advance",
+            "moved": f"THE PLAN WAS CHANGED AFTER LOGS WERE READ on {self.looked}: {keys}; it was locked on {self.date}",
         }[self.state]
 
 
@@ -392,13 +398,8 @@ def _read(plan: Plan) -> dict[str, Any]:
     file = _file(plan)
     if not file.is_file():
         return {"schema": 1, "locks": [], "looks": []}
-    try:
-        data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return {"schema": 1, "locks": list(data["locks"]), "looks": list(data["looks"])} | data
-    except (ValueError, KeyError, TypeError):
-        raise DeckError(
-            "it is no lock of a plan any more. Take it from the version control; a new one would forget the looks.", file.name
-        ) from None
+    lock: LockFile = read_json(file, "lock")
+    return dict(lock.model_dump(by_alias=True))
 
 
 def _write(plan: Plan, data: dict[str, Any]) -> None:
@@ -436,10 +437,8 @@ def _beside(plan: Plan) -> list[str]:
     for file in sorted(lock_file.parent.glob("*.lock.json")):
         if file == lock_file:
             continue
-        try:
-            hashes |= {str(look["sha256"]) for look in json.loads(file.read_text(encoding="utf-8"))["looks"]}
-        except (ValueError, KeyError, TypeError):
-            continue
+        with suppress(ThermidError):
+            hashes |= {look.sha256 for look in read_json(file, "lock").looks}
     return sorted(hashes)
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
-from thermid.grammar import StrictTable
+from thermid.grammar import Finite, StrictTable, Whole
 
 KINDS = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity", "transport", "hold", "ascent", "coast", "on-board", "other")
 
@@ -156,3 +156,52 @@ class PlanFile(StrictTable):
     validity: ValidityTable = ValidityTable()
     discrepancies: list[str] = []
     tests: list[TestTable] = []
+
+
+class LockTable(StrictTable):
+    """What was planned on a day."""
+
+    sha256: str
+    date: str
+    planned: dict[str, Any]
+    predictions: dict[str, Any] = {}
+    looked_beside: list[str] = []
+
+
+class LookedTable(StrictTable):
+    """A look at the log of a test."""
+
+    test: str
+    sha256: str
+    date: str
+    locks_before: Annotated[Whole, Field(ge=0)]
+
+
+class LockFile(StrictTable):
+    """The locks of a plan and the looks at its logs."""
+
+    lead: ClassVar[str] = "it is no lock of a plan any more. Take it from the version control; a new one would forget the looks."
+
+    format: Literal[1] = Field(1, alias="schema")
+    locks: list[LockTable]
+    looks: list[LookedTable]
+
+
+class MetTable(StrictTable):
+    """What must come out in one scenario."""
+
+    model_config = ConfigDict(extra="allow")
+
+    times: list[Finite] = Field(alias="times_s")
+    temperatures: dict[str, list[Finite]] = Field(alias="temperatures_C")
+
+
+class ChecksFile(StrictTable):
+    """What a delivery holds and must give; further keys are for its reader."""
+
+    lead: ClassVar[str] = "this is not a delivery."
+    model_config = ConfigDict(extra="allow")
+
+    files: dict[str, str]
+    runs: dict[str, MetTable]
+    reference_points: list[str]

@@ -106,7 +106,7 @@ class Qualification(Result):
         out = [f"{t.test.name}: {why}" for t in self.trials for why in t.open]
         out += [f"margin of {m.point}, {m.side}: {m.undecided}" for m in self.margins if m.undecided]
         if not self.margins:
-            out.append("no margin could be taken: no reference point was in a state that has limits")
+            out.append("no margin could be computed: no reference point was in a state with limits")
         if any(t.correlation is not None for t in self.trials) and not self.lock.sound:
             out.append(str(self.lock))
         return tuple(out)
@@ -179,9 +179,9 @@ class Qualification(Result):
             margin = f"{room:.1f} K left" if room >= 0 else f"{-room:.1f} K beyond its limit"
             lines.append(f"  worst: {point} in {test} at {time / 3600:.2f} h, {margin}")
         lines += [f"  margin: {m}" for m in self.margins]
-        lines += [f"  not counted in {who}: {what}" for what, who in self._left_out().items()]
+        lines += [f"  not included in {who}: {what}" for what, who in self._left_out().items()]
         lines += [f"  open: {o}" for o in self.open]
-        lines += [f"  assumed: {a.path} = {a.text} moves {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
+        lines += [f"  assumed: {a.path} = {a.text} changes {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
         return self.standing.over("\n".join(lines))
 
     def _summary(self) -> str:
@@ -232,8 +232,8 @@ def run_plan(
             trial = run_test(loaded, test)
         if trial.log_sha256:
             other = note_look(loaded, test.name, trial.log_sha256)
-            why = "see its deviations" if test.deviations else "say in its deviations what was changed in it, and why"
-            said = f"its log is not the one that was first looked at, on {other}: {why}"
+            why = "see its deviations" if test.deviations else "state in its deviations what was changed, and why"
+            said = f"its log differs from the one that was first read, on {other}: {why}"
             trial = replace(trial, remarks=(*trial.remarks, said)) if other else trial
         trials.append(trial)
     trials = _alike(_informed(trials))
@@ -258,7 +258,7 @@ def _informed(trials: Sequence[Trial]) -> list[Trial]:
         ahead = f"{t.known.at}." if t.known.at else ""
         return {ahead + n: size for n, size in sizes.items()}
 
-    words = "root mean square of what the readings of this plan's tests differ from the model by, the sensors' own errors among it"
+    words = "root mean square difference between readings and model in this plan's tests, including the errors of the sensors"
     return [replace(t, after=widened(t.foresight, under(t), IN_TESTS, words)) for t in trials]
 
 
@@ -267,7 +267,7 @@ def _alike(trials: Sequence[Trial]) -> list[Trial]:
     out = []
     for t in trials:
         same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
-        doubt = f"its log is that of {', '.join(same)} too, byte by byte"
+        doubt = f"its log is identical to that of {', '.join(same)}"
         out.append(replace(t, doubts=(*t.doubts, doubt)) if same else t)
     return out
 
@@ -297,7 +297,7 @@ def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -
 
 
 def _stated(t: Trial) -> list[str]:
-    """Return the names that a test spreads, as they stand in the model."""
+    """Return the names that a test spreads, as they are in the model."""
     find = t.known.model.canonical
     return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
 
@@ -306,12 +306,12 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     """Return in words what the uncertainty of a margin does not hold."""
     out = []
     if m.given and m.error <= 0:
-        out.append("the temperature of the start, which is given and not predicted")
+        out.append("the temperature of the start, which is given, not predicted")
     shown = (UNFITTED, SILENT) if IN_TESTS in m.shares else ()
     # assumed values follow with what they do to this point in this run
     out += [x.what for x in t.expected.prediction.left_out if not x.listed and not np.isfinite(x.kelvin) and x.what not in shown]
     if moved >= 0.05:
-        out.append(f"assumed values that no spread names, up to {moved:.1f} K")
+        out.append(f"assumed values without a stated spread, up to {moved:.1f} K")
     return tuple(out)
 
 

@@ -141,16 +141,16 @@ class Trial:
         """Why the verdict is not decided, as far as it is not; empty where nothing is open."""
         out = list(dict.fromkeys(c.undecided for c in self.checks if c.undecided))
         if not self.checks:
-            out.append("no limit was held against this test")
+            out.append("no limit was checked in this test")
         if self.course is not None and not self.course.decides:
-            out.append(f"the course goes by numbers {self.course.trust}")
-        out += [f"the power margin of heater {h.load} is from memory" for h in self.heaters if h.passed is None]
+            out.append(f"the course uses numbers {self.course.trust}")
+        out += [f"the power margin of heater {h.load} is quoted from memory" for h in self.heaters if h.passed is None]
         if self._judged and self.correlation is None:
-            out.append(f"no log has come back, so {', '.join(self.test.criteria)} could not be judged")
+            out.append(f"there is no log yet, so {', '.join(self.test.criteria)} could not be judged")
         if self.correlation is not None:
             verdicts = self.correlation.verdicts
-            out += [] if verdicts else ["a log has come back, and no criteria judge it"]
-            out += [f"the criteria {name} are from memory" for name, passed in verdicts.items() if passed is None]
+            out += [] if verdicts else ["there is a log, but no criteria for it"]
+            out += [f"the criteria {name} are quoted from memory" for name, passed in verdicts.items() if passed is None]
         return (*out, *self.doubts)
 
     @property
@@ -282,7 +282,7 @@ def _beside(scenario: Scenario | None, test: TestTable, known: Known) -> Scenari
     if both or scenario.seconds > 0.0:
         what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
         raise ScenarioError(
-            f"{what}: the profile says it. A scenario beside a profile gives what else is done. Leave it out there.", "scenario"
+            f"{what}: the profile gives it already. A scenario beside a profile may give other inputs only. Leave it out there.", "scenario"
         )
     return scenario
 
@@ -364,7 +364,7 @@ def _ends(record: Record, column: str) -> tuple[float, float]:
 
 def _state_remarks(test: TestTable) -> list[str]:
     """Return what the state of a test with a log leaves to mend."""
-    return [f"its state is '{test.state}', and a log has come back: write state = \"run\""] if test.state == "planned" else []
+    return [f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []
 
 
 def _measured(trial: Trial, counted: Sequence[Overlay], sensors: Mapping[str, tuple[str, Any]]) -> tuple[LimitCheck, ...]:
@@ -388,7 +388,7 @@ def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: S
         missing = sorted({*trial.foresight.scenario.boundaries} - {*log.boundaries.values()})
         if missing and not log.simulated:
             listed = ", ".join(f"'{n}'" for n in missing)
-            yield f"no column of the log gives {listed}: that its levels were applied is not measured"
+            yield f"no column of the log gives {listed}, so there is no measurement that its levels were applied"
 
 
 def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
@@ -435,11 +435,11 @@ def settled_by(
         try:
             verdict = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
         except RecordError as error:
-            unsure.setdefault(f"that it is settled cannot be told: {error}", []).append(_span(begin, end))
+            unsure.setdefault(f"its steadiness cannot be judged: {error}", []).append(_span(begin, end))
             continue
         out.append(verdict)
         if verdict.verdict == "cannot tell":
-            unsure.setdefault(f"the readings cannot tell whether '{verdict.rule.name}' holds at {verdict.slowest}", []).append(
+            unsure.setdefault(f"the readings do not decide whether '{verdict.rule.name}' is met at {verdict.slowest}", []).append(
                 _span(begin, end)
             )
     more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
@@ -451,10 +451,10 @@ def unsettled(settled: Sequence[Stability]) -> Iterator[str]:
     for s in settled:
         worst = s.channels[s.slowest]
         if s.verdict == "not stable" and s.decides and s.stored is not None:
-            yield f"{_span(worst.start, worst.end)} counts as settled and is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
+            yield f"{_span(worst.start, worst.end)} is stated as steady but is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
         elif s.verdict == "not stable" and s.decides:
             yield (
-                f"{_span(worst.start, worst.end)} counts as settled and is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
+                f"{_span(worst.start, worst.end)} is stated as steady but is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
                 f"the rule is '{s.rule.name}' [{s.rule.mark}]"
             )
 
@@ -498,10 +498,10 @@ def not_covered(seen: Sequence[Overlay], begin: float, end: float, windows: Sequ
         for a, b in windows:
             lost, _, _ = _missing(o.times, a, b)
             if lost > (1.0 - THERE) * (b - a):
-                text = f"for {duration_text(lost)} of the settled stretch {a / 3600.0:.4g} .. {b / 3600.0:.4g} h"
+                text = f"for {duration_text(lost)} of the steady period {a / 3600.0:.4g} .. {b / 3600.0:.4g} h"
                 lacks.setdefault(text, []).append(o.sensor)
     for text, sensors in lacks.items():
-        yield f"there is no reading of {', '.join(sensors)} {text}"
+        yield f"no reading of {', '.join(sensors)} {text}"
 
 
 def _missing(times: Array, begin: float, end: float) -> tuple[float, float, float]:
@@ -563,8 +563,8 @@ def exchanged(seen: Sequence[Overlay]) -> Iterator[str]:
             other = float(np.sqrt(np.mean((a.measured - b.simulated) ** 2 + (b.measured - a.simulated) ** 2)))
             if as_wired > CLEAR and other < as_wired / 3.0:
                 yield (
-                    f"{a.sensor} and {b.sensor} look exchanged: their readings lie {as_wired:.1f} K from the model, and {other:.1f} K with "
-                    "the columns changed over. Check the wiring and the header of the log"
+                    f"{a.sensor} and {b.sensor} look exchanged: their readings lie {as_wired:.1f} K from the model, but {other:.1f} K "
+                    "with the columns exchanged. Check the wiring and the header of the log"
                 )
 
 
@@ -582,10 +582,10 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
     out = []
     unsaid = [k for k in ("temperature", "pressure", "power", "gravity", "orientation") if not getattr(validity, k)]
     if unsaid:
-        out.append(f"{', '.join(unsaid)}: the plan does not say where the model was calibrated")
+        out.append(f"{', '.join(unsaid)}: the plan does not give the range of the calibration")
     unsaid = [k for k in ("gravity", "orientation") if getattr(validity, k) and not getattr(test, k)]
     if unsaid:
-        out.append(f"{', '.join(unsaid)}: the test does not say")
+        out.append(f"{', '.join(unsaid)}: not given for this test")
     if validity.temperature:
         low, high = (literal(t, TEMPERATURE, "validity.temperature") - ICE_POINT for t in validity.temperature)
         temperatures = [run.prediction[n].celsius for n in nodes]

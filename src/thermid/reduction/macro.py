@@ -50,7 +50,7 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     """
     model = host if isinstance(host, Model) else load_model(host)
     refuse_unknown(
-        [at], model.submodels, model.title, "no submodel '{}' to be the unit.{near} A macro model holds its unit.", NameNotFoundError
+        [at], model.submodels, model.title, "no submodel '{}' for the unit.{near} A macro model must contain its unit.", NameNotFoundError
     )
     if unit is not None:
         set_here = [p for p in map(model.canonical, model.settings) if p.startswith(f"{at}.")]  # what the host says of any unit in it
@@ -60,7 +60,7 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     if bare:
         few = ", ".join(f"'{p}'" for p in bare[:12]) + (f" and {len(bare) - 12} more" if len(bare) > 12 else "")
         raise DeckError(
-            f"{_count(len(bare))} no source: {few}. Say of each where it comes from: "
+            f"{_count(len(bare))} no source: {few}. Give the source of each: "
             '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }'
             f"{', with source and basis beside the points of a table' if any(p in shapes for p in bare) else ''}.",
             model.file or model.title,

@@ -117,13 +117,14 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
     if steered or own:
         named = control_names(steered[0])[0] if steered else own[0]
         raise DeckError(
-            f"a part is reduced without controls; '{named}' follows temperatures that a reduction takes as they were.", network.title
+            f"'{named}' is a control that follows temperatures, which a reduced deck cannot represent. Reduce a part without controls.",
+            network.title,
         )
     rows = tuple(r for r in numbers.conductors if r.name.startswith(inside) and set(r.ends) & set(nodes))
     moving = next((r.name for r in rows if r.signal or r.second), "")
     if moving:
         raise DeckError(
-            f"'{moving}' changes with its gas or a schedule. Reduce in a state that stays: one pressure, no schedule.", network.title
+            f"'{moving}' changes with its gas or a schedule. Reduce in a constant state: one pressure, no schedule.", network.title
         )
     outside = tuple(dict.fromkeys(e for r in rows for e in r.ends if e not in nodes))
     means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
@@ -146,8 +147,8 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
     table, given = owner.nodes[name].table, network.stores[node]
     if table is not None and table[0] == "enthalpy":
         raise DeckError(
-            f"'{node}' stores heat by a table of enthalpy, latent heat with it, which a reduced deck cannot hold. "
-            "Reduce a part without it: at = ...",
+            f"'{node}' stores heat by a table of enthalpy with latent heat, which a reduced deck cannot represent. Reduce a part "
+            "without it: at = ...",
             owner.where(f"nodes.{name}"),
         )
     course = run[node].kelvin
@@ -450,7 +451,7 @@ def reduce(
     ahead = f"{model.canonical(at)}." if at else ""
     moving = next((p for s in given for p in map(model.canonical, s.schedule) if p.startswith(ahead)), "")
     if moving:
-        raise DeckError(f"'{moving}' follows a schedule, which a reduced deck cannot. Reduce the part around it.", model.title)
+        raise DeckError(f"'{moving}' follows a schedule, which a reduced deck cannot represent. Reduce the part around it.", model.title)
     runs = [simulate(model, s) for s in given]
     network = network_for(model, given[0])
     held = frozenset(network.find(f"{ahead}{k}" if at and not k.startswith(ahead) else k) for k in keep)
@@ -467,7 +468,11 @@ def reduce(
         if limit is None or abs(trial.worst.largest) <= limit:
             return trial
     farthest = abs(trial.worst.largest)
-    raise ScenarioError(f"no reduction keeps within {limit:g} K; with all masses the farthest is {farthest:.2g} K.", model.title)
+    raise ScenarioError(
+        f"no reduced deck is within {limit:g} K of the full model; with all masses kept the largest error is "
+        f"{farthest:.2g} K. Allow a larger error.",
+        model.title,
+    )
 
 
 def _offered(part: Model, ahead: str, network: Network) -> frozenset[str]:
@@ -494,13 +499,16 @@ def _tried(
     deviations = tuple(_deviation(s, r, o, p) for s, r, o in zip(scenarios, runs, others, strict=True) for p in points)
     masses = (int((part.capacitances > 0).sum()), len(small.masses))
     held = reduced.made_in.items()
-    remarks = [f"made with '{gas}' in one state, {state}, which its conductances hold; refused in any other" for gas, state in held]
+    remarks = [
+        f"made with '{gas}' in one state, {state}; its conductances are valid there only, and other states are refused"
+        for gas, state in held
+    ]
     if small.linearised:
-        remarks.append(f"constant in place of their laws: {', '.join(n.removeprefix(ahead) for n in small.linearised)}")
+        remarks.append(f"constant instead of their laws: {', '.join(n.removeprefix(ahead) for n in small.linearised)}")
     for n, (mean, low, high) in part.shares.items():
         c = network.stores[n].reference
         remarks.append(
-            f"'{n.removeprefix(ahead)}' has a constant {mean * c:.4g} J/(kg K) in place of its table, which goes from {low * c:.4g} to "
+            f"'{n.removeprefix(ahead)}' has a constant {mean * c:.4g} J/(kg K) instead of its table, which ranges from {low * c:.4g} to "
             f"{high * c:.4g} in '{scenarios[0].title}'"
         )
     return Reduction(reduced, inside, masses, (len(part.nodes), len(small.masses) + len(small.massless)), deviations, tuple(remarks))
@@ -587,6 +595,6 @@ def _load(load: FlatLoad, numbers: Numbers, name: Mapping[str, str], written: An
     odd = sorted(set(load.fields) - plain)
     if load.curve is not None or odd or load.sensor not in ("", load.node):
         what = ", ".join(odd) or "a table"
-        raise DeckError(f"'{load.path}' is no plain power ({what}). Reduce the part around it, and keep it outside.", load.where)
+        raise DeckError(f"'{load.path}' is not a constant power ({what}). Reduce the part around it, and keep it outside.", load.where)
     units = {field: "K" if LOAD_SLOTS[field] == "temperature" else LOAD_SLOTS[field] for field in load.fields}
     return {"into": name[load.node], **{f: written(value_of(numbers.values[p]), units[f]) for f, p in load.fields.items()}}

@@ -113,7 +113,7 @@ class BlockSolution(Solution):
         SolverError   For a steady state, which stores no heat.
         """
         if self._answer is None:
-            raise SolverError("a steady state has no heat balance over time.", self.title)
+            raise SolverError("a steady state has no heat balance over time. Run the block in time for one.", self.title)
         a, capacities = self._answer, self._network.capacities
         loads, boundaries, moved = float(a.load_energy.sum()), float(a.boundary_energy.sum()), a.final - a.initial
         stored = float(capacities @ moved)
@@ -124,20 +124,24 @@ class BlockSolution(Solution):
     @property
     def heat_flows(self) -> Mapping[str, Array]:
         """Refused: a block has no conductors with names."""
-        raise SolverError("a block stores no heat flow of single conductors; heat_balance() has the sums.", self.title)
+        raise SolverError("a block does not store the heat flow of single conductors. Use heat_balance() for the sums.", self.title)
 
     def heat_flow(self, conductor: str) -> Array:
         """Refused: a block has no conductors with names."""
-        raise NameNotFoundError(f"a block has no conductor '{conductor}'; heat_balance() has the sums.", self.title)
+        raise NameNotFoundError(f"a block has no conductor '{conductor}'. Use heat_balance() for the sums.", self.title)
 
     @property
     def time_constants(self) -> Array:
         """Refused: they would need all modes."""
-        raise SolverError("time constants need all modes of a network; ask a block.model() of some hundred cells for them.", self.title)
+        raise SolverError(
+            "time constants need all modes of a network. Compute them from a block.model() of some hundred cells.", self.title
+        )
 
     def sensitivity(self, node: str, name: str) -> Array:
         """Refused: methods of large networks carry no derivatives."""
-        raise NameNotFoundError(f"the solution holds no sensitivity of '{node}' to '{name}': large networks carry none.", self.title)
+        raise NameNotFoundError(
+            f"the solution holds no sensitivity of '{node}' to '{name}', because large networks have no sensitivities.", self.title
+        )
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the temperatures of the nodes over time as a data set; a block stores no flows of single conductors. [degC]
@@ -229,7 +233,7 @@ def simulate_block(
     """
     wanted, opts = output_times(scenario, every, times), options or Options()
     where = f"{block.title}, {scenario.title}"
-    refuse_unknown([opts.method], METHODS, where, "a block is run by one of {known}, not by '{}'.", ScenarioError)
+    refuse_unknown([opts.method], METHODS, where, "unknown method '{}' for a block. Use one of {known}.", ScenarioError)
     network = compile_block(block, scenario)
     names = tuple(watch) if watch is not None else (*EXTREMES, *block.heaters)
     watched = [_watched(block, name) for name in names]
@@ -280,7 +284,9 @@ def _solution(
         **grid,
     }
     nodes = (*names, *network.boundaries)
-    remarks = () if network.boundaries else ("the block has no path to a boundary: it warms or cools without limit as it is heated",)
+    remarks = (
+        () if network.boundaries else ("the block has no path to a boundary, so its temperature changes without limit when it is heated",)
+    )
     return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
 
 
@@ -338,9 +344,9 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
     scenario.check_spans()
     for name in ("gains", "schedule", "prescribed", "environment"):
         if getattr(scenario, name):
-            raise ScenarioError(f"a block takes no '{name}'; turn it into a model with model(), which does.", where)
+            raise ScenarioError(f"a block takes no '{name}'. Turn the block into a model with model(), which does.", where)
     if scenario.as_printed:
-        raise ScenarioError("a block has no coefficients of a source document; turn it into a model with model().", where)
+        raise ScenarioError("--as-printed does not apply to a block. Turn it into a model with model().", where)
     tables: tuple[tuple[str, Mapping[str, Any], Collection[str]], ...] = (
         ("boundary", scenario.boundaries, block.boundaries),
         ("heater", scenario.loads, block.heaters),
@@ -350,7 +356,7 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
         refuse_unknown(table, known, where, f"the block has no {kind} '{{}}'.", ScenarioError)
     for name in block.boundaries:
         if name not in scenario.boundaries:
-            raise ScenarioError(f"boundary '{name}' has no temperature. Give it one in the scenario's boundaries.", where)
+            raise ScenarioError(f"boundary '{name}' has no temperature. Give it one under boundaries of the scenario.", where)
 
 
 def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
@@ -375,13 +381,15 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, where: str)
     start = scenario.start
     asked = Start.of(start, where)
     if asked is not None and asked.kind != STEADY:
-        raise ScenarioError(f"a block starts steady under the inputs of one time, not '{start}'; turn it into a model with model().", where)
+        raise ScenarioError(
+            f"a block can start steady under the inputs of one time only, not '{start}'. Turn it into a model with model().", where
+        )
     if asked is not None:
         if scenario.initial:
-            raise ScenarioError("a steady start holds for all cells; leave 'initial' out.", where)
+            raise ScenarioError("a steady start gives the temperatures of all cells. Leave 'initial' out.", where)
         return settle_large(network, asked.time, where)[0]
     if start == "" and len(network.boundaries) != 1:
-        raise ScenarioError("there is no start: give a temperature, the name of a boundary, or 'steady'.", where)
+        raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where)
     initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))
     for name, value in scenario.initial.items():
         initial[block.place(name)] = _temperature(value, network, where)

@@ -1,6 +1,6 @@
 """`Ensemble`: what many runs of one model say together, and how they are run: numbers of all members at once, traces kept or quantiles.
 
-Arithmetic and checks of the model's code run as they stand, on a number that holds one value per member. Where a check holds for some
+Arithmetic and checks of the model's code run as they are, on a number that holds one value per member. Where a check holds for some
 members and not for others, the members are taken apart and each share is computed by itself, so every member goes the way that it would
 have gone alone.
 """
@@ -97,7 +97,7 @@ class Ensemble(Result):
     def trace(self, member: int, node: str) -> Trace:
         """Return the trace of a node in one member."""
         if not 0 <= member < self.members:
-            raise ScenarioError(f"there is no member {member}; they are numbered from 0 to {self.members - 1}.", self.title)
+            raise ScenarioError(f"member {member} does not exist. Members are numbered from 0 to {self.members - 1}.", self.title)
         turnings = self.turnings(node)
         return Trace(
             self._kept(node), self.times, self.temperatures(node)[:, member], turnings.of(member) if turnings is not None else None
@@ -123,7 +123,7 @@ class Ensemble(Result):
             for s in wanted.tolist():
                 if s not in self.shares:
                     kept = ", ".join(f"{k:g}" for k in self.shares)
-                    raise ScenarioError(f"the quantile {s:g} was not kept, only {kept}. Ask for it in 'quantiles'.", self.title)
+                    raise ScenarioError(f"the quantile {s:g} was not stored, only {kept}. Add it to 'quantiles'.", self.title)
             found: Array = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
         else:
             found = np.quantile(self._whole(path), wanted, axis=1)
@@ -177,9 +177,9 @@ class Ensemble(Result):
 
     def _kept(self, node: str) -> str:
         path = self._find(node)
-        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not kept; name it in 'nodes'. Kept are {{known}}.", ScenarioError)
+        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored. Name it in 'nodes'. Stored: {{known}}.", ScenarioError)
         if len(self.failed) == self.members:
-            raise ScenarioError(f"no member reached the end. Member 0: {self.failed[0]}", self.title)
+            raise ScenarioError(f"no member of the ensemble reached the end of the run. Member 0: {self.failed[0]}", self.title)
         return path
 
     def __str__(self) -> str:
@@ -213,7 +213,7 @@ def check_shares(shares: Array, where: str) -> None:
     ScenarioError   When a share does not lie between 0 and 1.
     """
     if shares.ndim != 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
-        raise ScenarioError("a quantile is a share between 0 and 1, such as 0.95.", where)
+        raise ScenarioError("give a quantile between 0 and 1, such as 0.95.", where)
 
 
 CHUNK = 64_000_000
@@ -654,7 +654,7 @@ def _masked(recovery: _Recovery, stored: Array, times: Array, failed: tuple[int,
 
 
 def _no_traces(name: str) -> Array:
-    raise ScenarioError(f"no trace of '{name}' was kept.")
+    raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.")
 
 
 def _chunks(kernel: Any, times: Array, kept: int, members: int, threads: int) -> Iterator[tuple[Array, Array]]:

@@ -88,11 +88,11 @@ class HeatMap:
         loads = {x.path: (x.node, powers[x.path]) for x in flat.loads if x.path in powers}
         parts = {name: part.made for name, part in flat.names.model.submodels.items() if part.made}
         values = flat.parameters.evaluate({})
+        boards = {c.path: c.ends[1] for c in flat.conductors if c.path.endswith(".JB")}
         readings = {}
         for path, value in values.items():
             head, _, field = path.rpartition(".")
-            of = {"psi_JT": f"{head}.case", "psi_JB": next((b for c in flat.conductors if c.path == f"{head}.JB" for b in c.ends[1:]), "")}
-            text = of.get(field, "")
+            text = {"psi_JT": f"{head}.case", "psi_JB": boards.get(f"{head}.JB", "")}.get(field, "")
             if text in temperatures and f"{head}.heat" in powers:
                 readings[f"{head}.junction"] = (field, temperatures[text] + value_of(value) * powers[f"{head}.heat"])
         return cls(temperatures, network.boundaries, paths, loads, parts, readings)
@@ -139,7 +139,7 @@ class HeatMap:
             out.setdefault(colour or self.parts.get(head, head), []).append(node)
         for name, pattern in (asked or {}).items():
             if not out[name]:
-                raise NameNotFoundError(f"no node meets '{pattern}'.{nearest(pattern, self.temperatures)}", f"--group {name}")
+                raise NameNotFoundError(f"no node matches '{pattern}'.{nearest(pattern, self.temperatures)}", f"--group {name}")
         return {name: tuple(nodes) for name, nodes in out.items()}
 
     def between(self, groups: Mapping[str, Sequence[str]]) -> np.ndarray:
@@ -255,7 +255,7 @@ def margins(lowest: Mapping[str, float], highest: Mapping[str, float], limits: M
     """
     for pattern in limits:
         if not any(_meets(node, pattern) for node in highest):
-            raise NameNotFoundError(f"no node meets '{pattern}'.{nearest(pattern, highest)}", "--limit")
+            raise NameNotFoundError(f"no node matches '{pattern}'.{nearest(pattern, highest)}", "--limit")
     out = []
     for node, high in highest.items():
         ends = next((ends for pattern, ends in limits.items() if _meets(node, pattern)), (-np.inf, np.inf))

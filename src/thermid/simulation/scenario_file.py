@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, ThermidError, errors_at, refuse_unknown
-from thermid.extensions import extension
+from thermid.errors import ThermidError, errors_at
+from thermid.extensions import by_grammar, extension
 from thermid.model.laws.signal import literal, signal
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
-from thermid.toml_files import read_toml, refuse_another_kind
+from thermid.toml_files import Places, read_toml, refuse_another_kind
 from thermid.units import TEMPERATURE
 
 SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent")
@@ -33,14 +33,13 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
     Raises
     ------
-    ScenarioError   When a key is unknown or a value is no signal.
+    ScenarioError   When it does not follow the grammar, or a value is no signal.
     """
     target = Path(path)
     data, lines = read_toml(target)
     refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
-    fields = {*Scenario.__dataclass_fields__, *SURROUNDINGS}
-    for key in data:
-        refuse_unknown([key], fields, f"{target.name}:{lines.get(key, 1)}, {key}", "a scenario has no '{}'.", ScenarioError)
+    where = Places(target.name, lines)
+    data = by_grammar("scenario", data, where).written
     given: dict[str, Any] = {"title": target.stem, **data}
     columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
     for name, slot in SLOTS.items():
@@ -64,23 +63,17 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
-    known = {"pressure": "Pa", "wind": "m/s", "humidity": "1", "gravity": "m/s^2", "time_constant": "s"}
-    refuse_unknown(table, (*known, "gas", "sealed", "vented"), where, "a gas has {known}, not {}.", ScenarioError)
-    fields: dict[str, Any] = {
-        name: literal(table[name], unit, where) for name, unit in known.items() if name in table and name not in ("pressure", "wind")
-    }
-    fields |= {
-        name: signal(columns.signal(table[name], known[name], where), known[name], where) for name in ("pressure", "wind") if name in table
-    }
-    fields |= {name: table[name] for name in ("gas", "sealed", "vented") if name in table}
+    fields = dict(table)
+    for name, unit in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
+        fields |= {name: literal(table[name], unit, where)} if name in table else {}
+    for name, unit in (("pressure", "Pa"), ("wind", "m/s")):
+        fields |= {name: signal(columns.signal(table[name], unit, where), unit, where)} if name in table else {}
     with errors_at(where):
         return Environment(**fields)
 
 
 def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
     """Return what falls on a surface from the table of a scenario file."""
-    known = Irradiation.__dataclass_fields__
-    refuse_unknown(table, known, where, "radiation on a surface has no '{}'.{near} It has {known}.", ScenarioError)
     fields = {
         name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
         for name, value in table.items()

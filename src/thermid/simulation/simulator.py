@@ -221,9 +221,11 @@ class Simulator:
         ScenarioError       When the names do not have equally many values.
         """
         given = {_free_name(self._wiring.network, name): value for name, value in draws.items()}
-        refuse_unknown(given, self.free, self.title, "'{}' was not freed when the simulator was prepared.", NameNotFoundError)
+        refuse_unknown(
+            given, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
+        )
         if len(given) < len(draws):
-            raise ScenarioError("one name is drawn twice, under its path and under an alias.", self.title)
+            raise ScenarioError("one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title)
         return run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
 
     def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
@@ -272,7 +274,9 @@ class Simulator:
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""
         given = {_free_name(self._wiring.network, name): value for name, value in values.items()}
-        refuse_unknown(given, self.free, self.title, "'{}' was not freed when the simulator was prepared.", NameNotFoundError)
+        refuse_unknown(
+            given, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
+        )
         return np.array([given.get(name, self.nominal[name]) for name in self.free])
 
 
@@ -327,7 +331,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         out.append(f"the start is {said}")
     out += sampled_logs(scenario)
     if scenario.as_printed:
-        out.append("vacuum as printed: every coefficient is zero, radiation in it included; the temperatures are an upper bound")
+        out.append("vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound")
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
@@ -336,7 +340,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"
             out.append(
-                f"the relative humidity {of}, {100 * e.humidity:g} %, does not enter the classical equations. What it changes can be "
-                "given: a schedule of coefficients for the properties of moist air, a load for latent heat"
+                f"the relative humidity {of}, {100 * e.humidity:g} %, is not used: the equations contain no moisture. If it matters, "
+                "give a schedule of coefficients for moist air, and a load for latent heat"
             )
     return tuple(out)

@@ -114,7 +114,9 @@ class Trace:
         near = 1e-9 * (last - first)
         outside = [t for t in np.ravel(asked) if not first - near <= t <= last + near]
         if outside:
-            raise ScenarioError(f"the run goes from {first:g} s to {last:g} s and says nothing of {outside[0]:g} s.", f"{self.path}, at")
+            raise ScenarioError(
+                f"the run goes from {first:g} s to {last:g} s; it has no temperature at {outside[0]:g} s.", f"{self.path}, at"
+            )
         wanted = np.clip(asked, first, last)
         if self.dense is None or np.isin(wanted, self.times).all():
             return np.asarray(np.interp(wanted, self.times, self.celsius))
@@ -339,8 +341,8 @@ def outside(run: Run) -> tuple[str, ...]:
         law = correlation(given.get("htc.correlation", ""), given.get("htc.orientation", "vertical"))
         if highest > law.high or 0.0 < highest < law.low:
             out.append(
-                f"{law.name} of '{row.name}' was found between Rayleigh numbers of {law.low:g} and {law.high:g};"
-                f" here they reach {highest:.3g}"
+                f"{law.name} of '{row.name}' is valid for Rayleigh numbers from {law.low:g} to {law.high:g}, but here they reach "
+                f"{highest:.3g}, so its scatter is larger than stated"
             )
     return (*dict.fromkeys(out), *_convecting_gaps(run))
 
@@ -362,9 +364,9 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
         if highest > CONVECTS:
             width = 1e3 * value_of(distance)
             out.append(
-                f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}: gas at rest is taken, and above"
-                f" {CONVECTS:.0f} it convects where the lower plate is the warmer one, between upright plates from some 1e4; tilt and"
-                " aspect of the gap let it convect"
+                f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}. The model has gas at rest, but "
+                f"convection begins above {CONVECTS:.0f} if the lower plate is warmer, and at about 1e4 between upright plates. Give "
+                "tilt and aspect of the gap to include it"
             )
     return tuple(out)
 
@@ -454,7 +456,7 @@ class Solution(Result):
         """
         path, wanted = self._run.network.find(node), self._run.network.flat.names.model.canonical(name)
         if wanted not in self.free:
-            known = f"it has those of {', '.join(self.free)}" if self.free else "it has none; ask for them with run(sensitivities=True)"
+            known = f"it has those to {', '.join(self.free)}" if self.free else "none was computed. Run with run(sensitivities=True)"
             raise NameNotFoundError(f"the solution holds no sensitivity to '{name}': {known}.", self.title)
         return self._run.traces.slope(path)[:, self.free.index(wanted)]
 
@@ -533,7 +535,7 @@ class Solution(Result):
             trace = self[node]
             lines.append(f"  {node:<{width}}  end {trace.final:9.3f} degC   highest {trace.highest:9.3f} degC")
         if any(self[n].turnings is None for n in self.nodes):
-            lines.append("  highest of the stored samples; between these unknown")
+            lines.append("  highest of the stored samples; not known between them")
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)
 

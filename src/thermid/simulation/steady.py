@@ -101,7 +101,9 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or ICE_POINT)
     if isinstance(model, Block):
         if kind:
-            raise ScenarioError("of a block, the inputs of one time are held; turn it into a model with model().", scenario.title)
+            raise ScenarioError(
+                "a block has a steady state under the inputs of one time only. Turn it into a model with model().", scenario.title
+            )
         return steady_block(model, asked, instant)
     # the start plays no part
     asked = replace(asked, start=ICE_POINT, initial={})
@@ -119,7 +121,10 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     heat = _heat(problem, a, found, on, temperatures, instant)
     if kind:
         span = f"a period of {wiring.cycle:g} s" if wiring.cycle else f"{asked.seconds:g} s"
-        bent = f"the means over {span} of {', '.join(wiring.changing)} are held; where laws bend, that is not the mean of the temperatures"
+        bent = (
+            f"the means over {span} of {', '.join(wiring.changing)} are the inputs; for nonlinear laws the result is not the mean "
+            "of the temperatures"
+        )
         return Steady(temperatures, f"mean inputs over {span}", (bent,) if wiring.changing else (), heat=heat)
     said = wiring.held_at(instant)
     return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else (), heat=heat)
@@ -148,7 +153,7 @@ def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Ste
     low, high = ({n: float(pick(run[n].kelvin)) for n in run.nodes} for pick in (np.min, np.max))
     flows, powers = ({n: float(np.trapezoid(w, run.times)) / length for n, w in each.items()} for each in (run.heat_flows, run.load_powers))
     heat = HeatMap.of(network_for(model, scenario), mean, flows, powers)
-    return Steady(mean, f"the mean of a period of {length:g} s that comes back", (), low, high, heat)
+    return Steady(mean, f"the mean over a period of {length:g} s of the periodic state", (), low, high, heat)
 
 
 @takes_objects
@@ -175,12 +180,15 @@ def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]:
         wiring = Wiring(network_for(model, asked), asked)
     moving = [name for name, s in wiring.signals.items() if not s.held]
     if moving:
-        raise ScenarioError(f"'{moving[0]}' does not stay on levels; ask for its mean, a time or the periodic state.", scenario.title)
+        raise ScenarioError(f"'{moving[0]}' has no plateaus. Request its mean, a time or the periodic state.", scenario.title)
     knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in wiring.signals.values())]))
     knots = knots[(knots >= 0.0) & (knots <= length)]
     middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
     rows = np.column_stack([s.at(middles) for s in wiring.signals.values()])
     _, first = np.unique(rows, axis=0, return_index=True)
     if first.size > MOST_LEVELS:
-        raise ScenarioError(f"the inputs take {first.size} combinations of levels; {MOST_LEVELS} at most are looked at.", scenario.title)
+        raise ScenarioError(
+            f"the inputs take {first.size} combinations of values; the limit is {MOST_LEVELS}. Request the mean or single times.",
+            scenario.title,
+        )
     return tuple(steady(model, asked, float(middles[k])) for k in np.sort(first))

@@ -67,5 +67,7 @@ def simulate(
     if isinstance(model, Block):
         return simulate_block(model, scenario, every=every, times=times, options=options, watch=watch, fields=fields)
     if watch is not None or tuple(fields):
-        raise ScenarioError("'watch' and 'fields' belong to blocks; the solution of a model holds every node.", model.title)
+        raise ScenarioError(
+            "'watch' and 'fields' apply to blocks only; the solution of a model has every node. Leave them out.", model.title
+        )
     return prepare(model, scenario, every=every, times=times, options=options).run()

@@ -132,7 +132,7 @@ def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | N
     refuse_unknown(wanted, UNITS, table.file, "a trajectory has no '{}'.{near} It has {known}.", RecordError)
     if "altitude" not in wanted:
         raise RecordError(
-            f"which column is the altitude? Say columns = {{altitude = '...'}}; there are {', '.join(table.names)}.", table.file
+            f"the column of the altitude is not clear. Give columns = {{altitude = '...'}}, one of {', '.join(table.names)}.", table.file
         )
     return Trajectory(table.times, **{name: table.whole(column, UNITS[name]) for name, column in wanted.items()})
 
@@ -185,9 +185,9 @@ def ascent_scenario(
         else float(separation)
     )
     if gone is not None and not 0.0 <= gone <= seconds:
-        raise ScenarioError(f"the fairing goes at {gone:g} s, outside the {seconds:g} s of the ascent.", f"{title}, separation")
+        raise ScenarioError(f"the fairing separates at {gone:g} s, outside the {seconds:g} s of the ascent.", f"{title}, separation")
     if air_temperature is None:
-        raise ScenarioError(f"nothing says how warm the gas of '{air}' is: give air_temperature.", title)
+        raise ScenarioError(f"the temperature of the gas '{air}' is missing. Give air_temperature.", title)
     boundaries = {air: signal(air_temperature, TEMPERATURE, f"{title}, air_temperature")}
     hulls = {k: signal(v, TEMPERATURE, f"{title}, walls.{k}") for k, v in (walls or {}).items()}
     boundaries |= {k: hull if gone is None else joined(hull, gone, Constant(SPACE)) for k, hull in hulls.items()}
@@ -224,18 +224,18 @@ def _streams(
         return {}
     if trajectory is None or trajectory.speed is None or gone is None:
         raise ScenarioError(
-            "a stream heats surfaces by density and speed after separation: give a trajectory with speed, and separation.", title
+            "free molecular heating needs density and speed after separation. Give a trajectory with speed, and separation.", title
         )
     if not 0.0 < accommodation <= 1.0:
-        raise ScenarioError(f"an accommodation of {accommodation:g} does not exist; give 0 to 1.", title)
+        raise ScenarioError(f"the accommodation is {accommodation:g}. Give 0 to 1.", title)
     after = np.union1d(times[times > gone], [gone])
     heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
     if heat.max() > HOTTEST:
         k = int(heat.argmax())
         height = float(trajectory.column(after[k : k + 1], "altitude")[0]) / 1e3
         raise ScenarioError(
-            f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: there the air is "
-            "no stream of single molecules yet. Fairings go where it brings some kilowatts at most; look at its time and speed.",
+            f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: the air is too dense there for "
+            "free molecular flow. Fairings separate where it is some kilowatts at most. Check the time of separation and the speed.",
             title,
         )
     if gone > 0.0:
@@ -254,7 +254,7 @@ def _duration(given: Any, trajectory: Trajectory | None, pressure: Any, title: s
     if given is not None:
         return literal(given, "s", f"{title}, duration") if isinstance(given, str) else float(given)
     if trajectory is None:
-        raise ScenarioError("how long? Give a duration.", title)
+        raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title)
     return float(trajectory.times[-1])
 
 
@@ -293,7 +293,7 @@ class AscentCheck:
 
     def __str__(self) -> str:
         """One line."""
-        word = {True: "met", False: "NOT met", None: "shown, decides nothing"}[self.met]
+        word = {True: "met", False: "NOT met", None: "shown for information only"}[self.met]
         unit = _UNITS.get(self.name, "W/m^2")
         figure = f"{self.name} of '{self.what}': {self.value:.4g} {unit} at {self.at:.4g} s"
         return f"{figure}, limit {self.limit.value:g}: {word} ({self.limit.mark}: {self.limit.source})"
@@ -320,7 +320,7 @@ def ascent_checks(
     # that of a vented volume is worked out
     pressure = scenario.media().signals().get(f"pressure {air}")
     if pressure is None or pressure.cycle == 0.0:
-        raise ScenarioError(f"the pressure of '{air}' does not change; that is no ascent.", scenario.title)
+        raise ScenarioError(f"the pressure of '{air}' is constant, so the scenario is not an ascent.", scenario.title)
     out = _decay(pressure, scenario.seconds, over, air, limits)
     for surface, given in scenario.irradiation.items():
         stream = getattr(given, "stream", None)

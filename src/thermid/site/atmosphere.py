@@ -92,8 +92,8 @@ def standard_atmosphere(altitude: Any) -> Air:
     if z.size and (not np.isfinite(z).all() or z.max() > HIGHEST_ALTITUDE or z.min() < -5e3):
         worst = float(z.max()) if z.max() > HIGHEST_ALTITUDE else float(z.min())
         raise ScenarioError(
-            f"the equations of the standard atmosphere end at {HIGHEST_ALTITUDE / 1e3:g} km, and {worst / 1e3:.4g} km was asked for. Above "
-            "it give pressure and density of the day as columns, or ask for the standard's mean table (upper = 'standard').",
+            f"the equations of the standard atmosphere end at {HIGHEST_ALTITUDE / 1e3:g} km, and {worst / 1e3:.4g} km was requested. "
+            "Above it give pressure and density of the day as columns, or use the standard's mean table (upper = 'standard').",
             "atmosphere",
         )
     h = EARTH_RADIUS * z / (EARTH_RADIUS + z)
@@ -133,7 +133,7 @@ def upper_atmosphere(altitude: Any) -> Air:
     top = 1e3 * float(UPPER[-1, 0])
     if z.size and not z.max() <= top:
         raise ScenarioError(
-            f"the table of the standard atmosphere ends at {top / 1e3:g} km here, and {z.max() / 1e3:.4g} km was asked for.", "atmosphere"
+            f"the table of the standard atmosphere ends at {top / 1e3:g} km here, and {z.max() / 1e3:.4g} km was requested.", "atmosphere"
         )
     low = standard_atmosphere(np.minimum(z, HIGHEST_ALTITUDE))
     high = [np.interp(z, 1e3 * UPPER[:, 0], column) for column in (UPPER[:, 1], np.log(UPPER[:, 2]), np.log(UPPER[:, 3]))]

@@ -118,9 +118,7 @@ def planet_share(altitude: float, tilt: float, radius: float = 6.371e6) -> float
     (0.8853, 0.2886)
     """
     if not (altitude >= 0.0 and 0.0 <= tilt <= 180.0):
-        raise ScenarioError(
-            f"a plate at {altitude:g} m, {tilt:g} degrees from straight down, sees no planet; give 0 m or more, and 0 to 180."
-        )
+        raise ScenarioError(f"a plate at {altitude:g} m, {tilt:g} degrees from nadir, is not possible. Give 0 m or more, and 0 to 180.")
     h = (radius + altitude) / radius
     angle = np.radians(tilt)
     horizon = np.arcsin(1.0 / h)
@@ -248,9 +246,9 @@ def orbit_irradiation(
     angles = {"sun": degrees(sun, "orbit, sun"), "subsolar": degrees(subsolar, "orbit, subsolar")}
     for name, value in angles.items():
         if not 0.0 <= value <= 180.0:
-            raise ScenarioError(f"an angle of {value:g} degrees does not exist; give 0 to 180.", f"orbit, {name}")
+            raise ScenarioError(f"the angle is {value:g} degrees. Give 0 to 180.", f"orbit, {name}")
     if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"an albedo of {albedo:g} does not exist; give 0 to 1.", "orbit")
+        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
     light = _lit(lit)
     strength = literal(solar, "W/m^2", "orbit, solar") if isinstance(solar, str) else float(solar)
     glow = literal(infrared, "W/m^2", "orbit, infrared") if isinstance(infrared, str) else float(infrared)
@@ -297,5 +295,5 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
 def _lit(given: Any) -> Signal:
     lit = Constant(float(given)) if isinstance(given, int | float) else signal(given, "1", "orbit, lit")
     if not (lit.bounds[0] >= 0.0 and lit.bounds[1] <= 1.0):
-        raise ScenarioError("light is 0 in eclipse and 1 in the sun, or between.", "orbit, lit")
+        raise ScenarioError("give light from 0 in eclipse to 1 in the sun.", "orbit, lit")
     return lit

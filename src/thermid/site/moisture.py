@@ -97,7 +97,7 @@ class Moisture(Result):
         open_ = (
             ()
             if water.closes
-            else (f"water does not close: {water.residual:+.3g} kg of {water.handled:.3g} kg are missing; give a shorter `every`",)
+            else (f"water does not close: {water.residual:+.3g} kg of {water.handled:.3g} kg are missing. Give a shorter `every`",)
         )
         return cls(solution, followed.dew_points, surfaces, water, (*open_, *followed.remarks))
 
@@ -117,7 +117,7 @@ class Moisture(Result):
         for s in sorted(self.surfaces.values(), key=lambda s: float(s.margin.min())):
             k = int(s.margin.argmin())
             if self.dew_points[s.gas][k] <= 0.0:
-                lines.append(f"  {s.surface:<{width}}  no vapour, so nothing settles")
+                lines.append(f"  {s.surface:<{width}}  no vapour, so no condensation")
                 continue
             lines.append(
                 f"  {s.surface:<{width}}  margin {s.margin[k]:+7.2f} K at {s.times[k] / 60:.4g} min over a dew point of "
@@ -171,7 +171,7 @@ def moisture(
     ScenarioError   When a name is no gas of the model, a humidity does not exist, or latent heat and temperatures find no balance.
     """
     if not isinstance(humidity, Mapping) or not (humidity or volumes):
-        raise ScenarioError("say whose humidity it is: gas -> relative humidity, such as {'air': 0.6}.", scenario.title)
+        raise ScenarioError("give the humidity by gas: gas -> relative humidity, such as {'air': 0.6}.", scenario.title)
     flat = compile_network(model, media=scenario.media()).flat
     gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
     own = {flat.names.find(k): v for k, v in (volumes or {}).items()}
@@ -205,7 +205,7 @@ def moisture(
             names[c.path]: TableSignal(solution.times, heat, after="hold")
             for c, heat in zip(parts, _mixed(dry_heats, changes), strict=True)
         }
-    raise ScenarioError(f"latent heat and temperatures found no balance in {PASSES} passes; give a shorter `every`.", scenario.title)
+    raise ScenarioError(f"latent heat and temperatures did not converge in {PASSES} passes. Give a shorter `every`.", scenario.title)
 
 
 def _mixed(given: Sequence[Array], left: Sequence[Array]) -> Array:
@@ -269,8 +269,8 @@ def _time_below(times: Array, margin: Array) -> float:
 
 
 LEFT_OUT = (
-    "the heat of settling and drying water found no balance with the temperatures and was left out: while water settles the "
-    "margins are too small and the films too thick, and they dry sooner than they would"
+    "the latent heat did not converge with the temperatures and was left out. During condensation the margins are then too small and "
+    "the films too thick, and they dry too early. Give a shorter `every`"
 )
 
 
@@ -302,8 +302,8 @@ def humid(
     parts = [c for c in flat.conductors if c.kind in ("convection", "effective") and c.path in flat.surfaces and c.gas in gases]
     if not parts:
         raise ScenarioError(
-            f"no surface exchanges heat with {' or '.join(gases)} by convection, so humidity has nothing to settle on. "
-            "Give the deck surfaces, or run the profile without humidity.",
+            f"no surface exchanges heat with {' or '.join(gases)} by convection, so no surface can condense water. Give the deck "
+            "surfaces, or run the profile without humidity.",
             scenario.title,
         )
     air = {c.gas: humidity for c in parts}

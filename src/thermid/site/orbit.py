@@ -264,18 +264,18 @@ def _checked(
     """Return the planet, altitudes of perigee and apogee [m], and the angle between plane and sun [deg]."""
     body = planet if isinstance(planet, Planet) else PLANETS.get(planet.lower())
     if body is None:
-        raise ScenarioError(f"no planet is called '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit")
+        raise ScenarioError(f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit")
     if attitude not in ATTITUDES:
-        raise ScenarioError(f"no attitude is called '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit")
+        raise ScenarioError(f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit")
     low = _number(perigee, "m", "perigee")
     high = low if apogee is None else _number(apogee, "m", "apogee")
     if not 0.0 < low <= high < float("inf"):
         raise ScenarioError(f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit")
     if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"an albedo of {albedo:g} does not exist; give 0 to 1.", "orbit")
+        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
     tilt = degrees(beta, "orbit, beta")
     if not -90.0 <= tilt <= 90.0:
-        raise ScenarioError(f"the sun stands at most 90 degrees beside a plane, not {tilt:g}.", "orbit, beta")
+        raise ScenarioError(f"the angle of the sun to a plane is at most 90 degrees, not {tilt:g}.", "orbit, beta")
     return body, low, high, tilt
 
 

@@ -96,12 +96,16 @@ def pad_scenario(
     fields["environment"] = {air: _environment(place, weather, seconds), **others.pop("environment", {})}
     if sun or downward is not None:
         if instant is None:
-            raise ScenarioError("the sun needs an instant: give begin = '2026-03-21 06:00', or read the weather with its beginning.", title)
+            raise ScenarioError(
+                "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning.", title
+            )
         fields["irradiation"] = {"*": open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)}
         fields["irradiation"] |= others.pop("irradiation", {})
     if wind:
         if weather is None or "wind" not in weather:
-            raise ScenarioError("coefficients are to follow the wind, and the weather has none.", title)
+            raise ScenarioError(
+                "coefficients follow the wind, but the weather has no wind. Give a column of it, or fixed coefficients.", title
+            )
         made = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in wind.items()}
         fields["schedule"] = {**made, **others.pop("schedule", {})}
     return Scenario(**fields, **others)
@@ -113,7 +117,7 @@ def _downward(weather: Weather | None, air: Signal) -> Signal:
         return TableSignal(*weather["infrared"])
     if weather is None or not {"dew_point", "humidity"} & set(weather.series):
         raise ScenarioError(
-            "the temperature of the sky follows from infrared, dew_point or humidity, and there is none of them; give one, or sky = false.",
+            "the sky temperature needs infrared, dew_point or humidity, but the weather has none of them. Give one, or sky = false.",
             weather.name if weather is not None else "pad",
         )
     wet = "dew_point" if "dew_point" in weather else "humidity"
@@ -183,10 +187,10 @@ def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, wh
     """Return a coefficient that follows wind, and rain that leaves as warm as the wall. [W/(m^2 K)]"""
     unknown = set(table) - set(WIND)
     if unknown or not {"length", "calm"} <= set(table):
-        raise ScenarioError("a coefficient in wind has length and calm, and rain = 'roof' or 'wall' where it gets wet.", where)
+        raise ScenarioError("give a coefficient in wind length and calm, and rain = 'roof' or 'wall' if it gets wet.", where)
     length, calm = literal(table["length"], "m", where), literal(table["calm"], "W/(m^2 K)", where)
     if not (length > 0.0 and calm >= 0.0):
-        raise ScenarioError("a length along the wind is above zero, and a calm coefficient not below it.", where)
+        raise ScenarioError("the length along the wind must be above zero, and the calm coefficient zero or more.", where)
     wet = table.get("rain", "")
     if wet not in ("", "roof", "wall"):
         raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where)
@@ -217,7 +221,7 @@ def _place(weather: Weather | None, title: str) -> Site:
     """Return the site that a weather file names."""
     known = weather.place if weather is not None else {}
     if not {"latitude", "longitude"} <= set(known):
-        raise ScenarioError("where is it? Give a Site with latitude and longitude; only EPW and TMY3 files say it themselves.", title)
+        raise ScenarioError("the place is missing. Give a Site with latitude and longitude; only EPW and TMY3 files contain them.", title)
     name = weather.name if weather is not None else title
     return Site(known["latitude"], known["longitude"], known.get("altitude", 0.0), known.get("timezone"), name)
 
@@ -226,7 +230,7 @@ def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> S
     if given is not None:
         return signal(given, TEMPERATURE, f"{title}, air_temperature")
     if weather is None or "dry_bulb" not in weather:
-        raise ScenarioError(f"nothing says how warm the air of '{air}' is: give weather with dry_bulb, or air_temperature.", title)
+        raise ScenarioError(f"the temperature of the air '{air}' is missing. Give weather with dry_bulb, or air_temperature.", title)
     return TableSignal(*weather["dry_bulb"])
 
 
@@ -242,5 +246,5 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
 
 def _duration(given: Any, title: str) -> float:
     if given is None:
-        raise ScenarioError("how long? Give a duration.", title)
+        raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title)
     return literal(given, "s", f"{title}, duration") if isinstance(given, str) else float(given)

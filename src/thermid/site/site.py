@@ -81,7 +81,7 @@ class Site:
         """
         if self.timezone is None:
             raise ScenarioError(
-                "which time zone? Give the site's timezone in hours, or instants with a zone: 2026-03-21 06:00-03:00.", self.name
+                "the time zone is missing. Give the site's timezone in hours, or instants with a zone: 2026-03-21 06:00-03:00.", self.name
             )
         return Zone(timedelta(hours=self.timezone))
 
@@ -100,7 +100,7 @@ class Site:
         try:
             given = begin if isinstance(begin, datetime) else datetime.fromisoformat(begin)
         except ValueError:
-            raise ScenarioError(f"'{begin}' is no instant; write it as 2026-03-21 06:00.", self.name) from None
+            raise ScenarioError(f"'{begin}' is not a date and time. Write it as 2026-03-21 06:00.", self.name) from None
         return given if given.tzinfo is not None else given.replace(tzinfo=self.zone)
 
     def sun(self, begin: str | datetime, times: Any) -> SunPath:

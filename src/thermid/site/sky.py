@@ -58,7 +58,7 @@ class OpenSky(Sky):
     def __post_init__(self) -> None:
         """Refuse a ground that does not exist."""
         if not 0.0 <= self.albedo <= 1.0:
-            raise ScenarioError(f"an albedo of {self.albedo:g} does not exist; give 0 to 1.", "sun")
+            raise ScenarioError(f"the albedo is {self.albedo:g}. Give 0 to 1.", "sun")
 
     @property
     def radiates(self) -> bool:
@@ -212,6 +212,6 @@ def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> N
                 stands = f"{abs(height):.0f} degrees {'above' if height > 0 else 'below'} the horizon"
                 raise ScenarioError(
                     f"{name} is {values[k]:.0f} W/m^2 {times[k] / 3600:.4g} h after {begin}, when the sun stands {stands}. "
-                    "Look at the time zone, and at latitude and longitude.",
+                    "Check the time zone, latitude and longitude.",
                     weather.name,
                 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from thermid.errors import ScenarioError, refuse_unknown
+from thermid.errors import ScenarioError
 from thermid.model.laws.signal import literal
 from thermid.simulation.scenarios.columns import LogColumns
 from thermid.simulation.scenarios.scenario import Scenario
@@ -16,24 +16,7 @@ from thermid.site.weather import read_weather
 from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
-KEYS: Mapping[str, tuple[str, ...]] = {
-    "site": ("name", "latitude", "longitude", "altitude", "timezone"),
-    "weather": ("file", "columns", "begin", "starts", "max_gap", "year", "time", "averaged", "air", "air_temperature"),
-    "sun": ("shines", "sky", "albedo", "turbidity"),
-    "ascent": (
-        "file",
-        "columns",
-        "time",
-        "pressure",
-        "air",
-        "air_temperature",
-        "walls",
-        "separation",
-        "flow",
-        "accommodation",
-        "upper",
-    ),
-}
+TABLES = ("site", "weather", "sun", "wind", "ascent")
 
 
 def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scenario:
@@ -41,20 +24,19 @@ def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
 
     Raises
     ------
-    ScenarioError   When a key is unknown; and as `pad_scenario`.
+    ScenarioError   As `pad_scenario`.
     """
     rest = dict(given)
-    tables = {name: rest.pop(name, {}) for name in (*KEYS, "wind")}
-    for name, known in KEYS.items():
-        for key in tables[name]:
-            refuse_unknown([key], known, f"{file}, {name}.{key}", f"no '{{}}' in {name}.{{near}} It has {{known}}.", ScenarioError)
+    tables = {name: rest.pop(name, {}) for name in TABLES}
     duration = rest.pop("duration", None)
     if isinstance(duration, str):
         duration = literal(duration, "s", f"{file}, duration")
     if tables["ascent"]:
         clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
         if clash:
-            raise ScenarioError(f"a scenario stands on the ground or flies: it has {clash[0]} and ascent.", file)
+            raise ScenarioError(
+                f"a scenario is either on the ground or an ascent, but this one has {clash[0]} and ascent. Remove one.", file
+            )
         return _ascent(tables["ascent"], rest, duration, columns, file)
     weather, sun = tables["weather"], tables["sun"]
     read = None
@@ -66,7 +48,9 @@ def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
         k: sun[k] for k in ("sky", "albedo", "turbidity") if k in sun
     }
     options |= {"sun": sun["shines"]} if "shines" in sun else {}
-    return pad_scenario(_site(tables["site"], file), read, duration=duration, wind=tables["wind"] or None, **options, **rest)
+    return pad_scenario(
+        (Site(**tables["site"]) if tables["site"] else None), read, duration=duration, wind=tables["wind"] or None, **options, **rest
+    )
 
 
 def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float | None, columns: LogColumns, file: str) -> Scenario:
@@ -80,12 +64,3 @@ def _ascent(table: Mapping[str, Any], rest: Mapping[str, Any], duration: float |
             options[name] = columns.signal(table[name], slot, f"{where}.{name}")
     walls = {k: columns.signal(v, TEMPERATURE, f"{where}.walls.{k}") for k, v in table.get("walls", {}).items()}
     return ascent_scenario(trajectory, duration=duration, walls=walls, **options, **rest)
-
-
-def _site(table: Mapping[str, Any], file: str) -> Site | None:
-    if not table:
-        return None
-    missing = [k for k in ("latitude", "longitude") if k not in table]
-    if missing:
-        raise ScenarioError(f"a site has latitude and longitude; {missing[0]} is missing.", f"{file}, site")
-    return Site(**table)

@@ -85,9 +85,9 @@ class Volume:
             given = getattr(self, name)
             object.__setattr__(self, name, literal(given, slot, name) if isinstance(given, str) else float(given))
         if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
-            raise ScenarioError("a volume of gas is above zero, and what it exchanges is not negative.")
+            raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.")
         if (float(self.exchange) > 0.0) != bool(self.to):
-            raise ScenarioError("a volume that exchanges gas names with whom: exchange and to come together.")
+            raise ScenarioError("exchange and to belong together. Give both for a volume that exchanges gas.")
         _check_humidity(np.array([self.humidity]), "a volume")
 
 
@@ -482,7 +482,7 @@ def _exchanges(solution: Solution, order: Sequence[str], own: Mapping[str, Volum
             if abs(out[b, a] - flow) > 1e-9 * flow:
                 raise ScenarioError(
                     f"'{name}' exchanges {flow:g} m^3/s with '{order[b + known]}', which exchanges {out[b, a]:g} m^3/s with '{name}'. "
-                    "What one gains the other loses: write it once, or the same at both.",
+                    "Both must be equal. Give it once, or the same at both.",
                     solution.scenario,
                 )
             continue
@@ -526,29 +526,31 @@ def _left_out(
         whole, mine = _whole(solution, g), [k for k, c in enumerate(parts) if c.gas == g]
         empty = whole <= VACUUM_LIMIT
         if mine and empty.any() and (film[mine] > 0.0).any(where=empty):
-            yield f"there is no gas in '{g}' from {solution.times[empty.argmax()]:g} s: films stay as they are there, and boil off in fact"
+            yield (
+                f"'{g}' has no gas from {solution.times[empty.argmax()]:g} s. Films are kept unchanged there, although they would boil off"
+            )
         wet = film[mine] > 0.0
         vapour = np.where(wet, s.settled[mine] * VAPOUR_CONSTANT * s.skin[mine], 0.0).max(axis=0, initial=0.0)
         vapour = np.where(wet.any(axis=0), np.maximum(vapour, held[order.index(g)] * VAPOUR_CONSTANT * gas[g]), 0.0)
         share = float((vapour / np.where(empty, np.inf, whole)).max(initial=0.0))
         if share > DILUTE:
             yield (
-                f"vapour is up to {100 * min(share, 1.0):.0f} % of the gas in '{g}': mass transfer is computed for vapour that is dilute; "
-                f"water settles and dries faster by about {50 * min(share, 1.0):.0f} %" + (", or boils" if share >= 1.0 else "")
+                f"vapour is up to {100 * min(share, 1.0):.0f} % of the gas in '{g}', but mass transfer is computed for dilute vapour. "
+                f"Real condensation and drying are faster by about {50 * min(share, 1.0):.0f} %" + (", or boils" if share >= 1.0 else "")
             )
         if g in own:
             humid = held[order.index(g)] * VAPOUR_CONSTANT * gas[g] / saturation_pressure(gas[g])
             if humid.max() > FOG:
                 k = int(humid.argmax())
                 yield (
-                    f"the gas of '{g}' reaches {100 * humid[k]:.0f} % relative humidity at {solution.times[k]:g} s: "
-                    "fog is not followed, its water stays vapour"
+                    f"the gas of '{g}' reaches {100 * humid[k]:.0f} % relative humidity at {solution.times[k]:g} s. Fog is not "
+                    "modelled; its water remains vapour"
                 )
             breath = float(np.ptp(whole / gas[g]) / (whole / gas[g]).max()) if whole.max() > 0.0 else 0.0
             if own[g].to and breath > BREATH:
                 yield (
-                    f"the gas of '{g}' changes its density by {100 * breath:.0f} %: the vapour that this breathing carries is not counted, "
-                    "only that of its exchange"
+                    f"the gas of '{g}' changes its density by {100 * breath:.0f} %. The vapour carried by this expansion is not "
+                    "included, only that of its exchange"
                 )
 
 
@@ -562,7 +564,7 @@ def _check_air(solution: Solution, gases: Iterable[str]) -> None:
         kind = solution._run.network.media.gas(gas)
         if kind != "air":
             raise ScenarioError(
-                f"'{gas}' is {kind}: how fast vapour crosses a gas is known for air only. Leave its humidity out, or run it in air.",
+                f"'{gas}' is {kind}, but the diffusion of vapour is known in air only. Leave its humidity out, or run it in air.",
                 solution.scenario,
             )
 
@@ -577,4 +579,4 @@ def _pressure(solution: Solution, gas: str, given: Signal) -> Array:
 def _check_humidity(values: Array, whose: str) -> None:
     bad = ~((values >= 0.0) & (values <= 1.0))
     if bad.any():
-        raise ScenarioError(f"{whose} would have a relative humidity of {values[bad][0]:g}; give 0 to 1, or a text such as '60 [%]'.")
+        raise ScenarioError(f"{whose} has a relative humidity of {values[bad][0]:g}. Give 0 to 1, or a text such as '60 [%]'.")

@@ -124,7 +124,7 @@ class Weather(Result):
         ------
         NameNotFoundError   When the weather has none of that name.
         """
-        return look_up(quantity, self.series, "no '{}'; it has {known}.", self.name)
+        return look_up(quantity, self.series, "no '{}'. It has {known}.", self.name)
 
     def __contains__(self, quantity: object) -> bool:
         """Whether the weather has a quantity."""
@@ -186,10 +186,12 @@ class Weather(Result):
         if isinstance(begin, str) and "[" in begin:
             return amount(begin, "s", self.name)
         if self.begin is None:
-            raise RecordError("it has seconds only; give begin as '6 [h]', or read the weather with its beginning.", self.name)
+            raise RecordError(
+                "its times are seconds, without a date. Give begin as '6 [h]', or read the weather with its beginning.", self.name
+            )
         instant = begin if isinstance(begin, datetime) else self._read_stamp(begin)
         if instant.tzinfo is not None and self.begin.tzinfo is None:
-            raise RecordError("its times name no zone, so an instant with one cannot be found; leave the zone out.", self.name)
+            raise RecordError("its times have no time zone. Leave the zone of the instant out.", self.name)
         if instant.tzinfo is None:
             # a time of day without zone is meant in the zone of the weather
             instant = instant.replace(tzinfo=self.begin.tzinfo)
@@ -202,7 +204,7 @@ class Weather(Result):
                 return datetime.fromisoformat(candidate)
             except ValueError:
                 continue
-        raise RecordError(f"'{text}' is no instant; write it as 2026-03-21 06:00, or 03-21 06:00.", self.name)
+        raise RecordError(f"'{text}' is not a date and time. Write it as 2026-03-21 06:00, or 03-21 06:00.", self.name)
 
     def _stamp(self, seconds: float) -> str:
         return _stamp(self.begin, seconds)
@@ -273,7 +275,7 @@ def read_weather(
         shift = 0.5 * table.step if name in RADIATION and (averaged or table.averaged) else 0.0
         series[name] = WeatherSeries(known.times - shift, checked)
     if "dry_bulb" not in series and not (set(RADIATION) & set(series)):
-        raise RecordError(f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Say which with columns=.", target.name)
+        raise RecordError(f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Name the columns with columns=.", target.name)
     return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
@@ -285,17 +287,17 @@ def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file
     if edges[0][1] > edges[0][0] or edges[1][1] > edges[1][0]:
         at = edges[0] if edges[0][1] > edges[0][0] else edges[1]
         raise RecordError(
-            f"{name} is missing from {_stamp(given.begin, at[0])} to {_stamp(given.begin, at[1])}, at an end of the file, "
-            "where no line can bridge it. Cut the file, or leave the column out.",
+            f"{name} is missing from {_stamp(given.begin, at[0])} to {_stamp(given.begin, at[1])}, at an end of the file, so it "
+            "cannot be interpolated. Cut the file, or leave the column out.",
             file,
         )
     steps = np.diff(times)
     for k in np.flatnonzero(steps > 1.5 * given.step):
-        hole = f"{name} has a hole of {steps[k] / 3600:.3g} h from {_stamp(given.begin, times[k])} to {_stamp(given.begin, times[k + 1])}"
+        hole = f"{name} has a gap of {steps[k] / 3600:.3g} h from {_stamp(given.begin, times[k])} to {_stamp(given.begin, times[k + 1])}"
         if steps[k] > longest * (1 + 1e-9):
-            say = "give max_gap = '6 [h]' or so to bridge holes by straight lines" if longest == 0.0 else "it is longer than max_gap"
-            raise RecordError(f"{hole}: {say}, or mend the file.", file)
-        filled.append(f"{hole}, bridged by a straight line")
+            say = "give max_gap = '6 [h]' or similar to interpolate gaps linearly" if longest == 0.0 else "it is longer than max_gap"
+            raise RecordError(f"{hole}: {say}, or correct the file.", file)
+        filled.append(f"{hole}, interpolated linearly")
     return WeatherSeries(times, values[valid])
 
 
@@ -314,8 +316,8 @@ def _existing(given: Columns, name: str, known: WeatherSeries, file: str) -> Flo
         k = int(wrong[0])
         shown = [_shown(v, unit_text) for v in (values[k], low, high)]
         raise RecordError(
-            f"{name} is {shown[0]} {unit_text} at {_stamp(given.begin, known.times[k])}; it lies in {shown[1]} .. {shown[2]} {unit_text}. "
-            "Look at the column's unit, or leave the value empty.",
+            f"{name} is {shown[0]} {unit_text} at {_stamp(given.begin, known.times[k])}, outside {shown[1]} .. {shown[2]} {unit_text}. "
+            "Check the column's unit, or leave the value empty.",
             file,
         )
     return np.clip(values, low, high)
@@ -357,7 +359,7 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
     if not epw and b"Date (MM/DD/YYYY)" not in head:
         return _table(path, columns, begin, time)
     if columns:
-        raise RecordError("an EPW or TMY3 file has its own columns; columns= belongs to a plain table.", path.name)
+        raise RecordError("columns= applies to a plain table only; the columns of EPW and TMY3 files are fixed. Leave it out.", path.name)
     return _typical(path, year, epw)
 
 
@@ -373,14 +375,14 @@ def _typical(path: Path, year: int, epw: bool) -> Columns:
         if mixed:
             data, meta = iotools.read_epw(path, coerce_year=year) if epw else iotools.read_tmy3(path, coerce_year=year, map_variables=True)
     except (ValueError, KeyError, IndexError, TypeError, UnicodeDecodeError) as error:
-        raise RecordError(f"this is no {'EPW' if epw else 'TMY3'} file that can be read: {error}.", path.name) from None
+        raise RecordError(f"this is not a readable {'EPW' if epw else 'TMY3'} file: {error}.", path.name) from None
     stamps = data.index
     seconds = np.asarray((stamps - stamps[0]).total_seconds(), dtype=np.float64)
     # EPW stamps of pvlib stand at the beginning of their hour; its values belong to the end, as those of TMY3 do
     ahead = 3600.0 if epw else 0.0
     first = (stamps[0] + _delta(ahead)).to_pydatetime()
     place = {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude", "timezone": "TZ"}
-    notes = (f"a typical year, put into {year}",) if mixed else ()
+    notes = (f"a typical year, dated {year}",) if mixed else ()
     if (np.diff(seconds) <= 0).any():
         raise RecordError(f"time does not go on after line {int(np.argmax(np.diff(seconds) <= 0)) + 1} of the data.", path.name)
     values = _converted(data, _EPW if epw else _TMY3)
@@ -418,14 +420,14 @@ def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, tim
 def _instant(stamp: str | None, begin: str | None, file: str) -> datetime | None:
     """Return the instant of time zero: the first stamp, or what the caller says."""
     if stamp is not None and begin is not None:
-        raise RecordError("its times are stamps, so its beginning is known; leave begin out.", file)
+        raise RecordError("its times are stamps with a date. Leave begin out.", file)
     text = stamp or begin
     if text is None:
         return None
     try:
         return datetime.fromisoformat(text)
     except ValueError:
-        raise RecordError(f"'{text}' is no instant with a date; write it as 2026-03-21 06:00-03:00.", file) from None
+        raise RecordError(f"'{text}' is not a date and time. Write it as 2026-03-21 06:00-03:00.", file) from None
 
 
 def _step(seconds: FloatArray) -> float:

@@ -54,7 +54,7 @@ EXAMPLES: Final = {
         ShippedExample("unknown_power", "a power course recovered from temperatures", "python run.py"),
         ShippedExample(
             "tclab",
-            "two heaters on a board, real measurements: parts, then the whole, then runs that no fit has seen",
+            "two heaters on a board, real measurements: parts, the whole, then hold-out runs",
             "thermid report campaign.toml --to report.html",
             data=TCLAB,
             campaign="campaign.toml",
@@ -88,7 +88,7 @@ class Copied:
         if self.example.data is not None:
             lines.append(f"  {self.example.data.words}: LICENSE.data in the folder")
             lines.append(
-                f"  {self.logs} logs made of the originals; the samples of {self.checked} are those that the example was made with"
+                f"  {self.logs} logs converted from the originals; the samples of {self.checked} are identical to those of the example"
             )
         return "\n".join([*lines, f"next: cd {self.folder} && {self.example.first}"])
 
@@ -139,7 +139,7 @@ def copy_example(
     example, source = example_named(name), shipped()
     folder = to or Path(name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError("something is there already, and a copy would mix with it. Give a new folder.", str(folder))
+        raise OutputError("the folder is not empty, and a copy would mix with its files. Give a new folder.", str(folder))
     data = example.data
     with folder_replacing(folder) as half:
         write_bytes(half / ROOT_FILE, (source / ROOT_FILE).read_bytes(), COPY)

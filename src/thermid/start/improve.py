@@ -83,7 +83,10 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
         raise DeckError(f"no stage '{name}'.{nearest(name, names)}", path.name)
     before = run_stages(path, data=data, cache=path.parent / "results").stages[name]
     if before.request is None or not before.request.records:
-        raise DeckError(f"stage '{name}' takes values tuned by hand and fits nothing, so no reading judges another structure.", path.name)
+        raise DeckError(
+            f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
+            path.name,
+        )
     asked = before.request
     found = search_structure(asked, changes=_writable, seconds=seconds)
     if found.proposed is found.start:

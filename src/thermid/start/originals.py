@@ -211,7 +211,7 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
             if place.is_file():
                 return place.read_bytes()
         raise MissingDataError(
-            f"no '{source.repository}/{file.path}' below '{folder}'. Put the repository there (git clone https://github.com/"
+            f"no '{source.repository}/{file.path}' below '{folder}'. Get the repository (git clone https://github.com/"
             f"{source.repository}), or leave --from out to take the files from their public address.",
             str(folder),
         )
@@ -228,7 +228,7 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
 
 
 def converted(source: DataSet, file: Original, folder: Path | None) -> bytes:
-    """Return the log that is made of an original, packed where its name says so.
+    """Return the log that is made of an original, packed where its name states this.
 
     Raises
     ------
@@ -237,7 +237,8 @@ def converted(source: DataSet, file: Original, folder: Path | None) -> bytes:
     text = file.convert(taken(source, file, folder), file.path.rpartition("/")[2])
     if file.sha256 and not samples_sum(text).startswith(file.sha256):
         raise RecordError(
-            f"the samples of '{file.path}' have the sum {samples_sum(text)[:16]}, not {file.sha256[:16]}: this is not the file of commit "
+            f"the samples of '{file.path}' have the checksum {samples_sum(text)[:16]}, not {file.sha256[:16]}: this is not the file "
+            "of commit "
             f"{source.commit[:7]}.",
             source.repository,
         )

@@ -56,8 +56,8 @@ class Written:
     def __str__(self) -> str:
         """Return the proposal, the files, and the next command."""
         lines = [str(self.proposal)]
-        lines += [f"Left out, because the log does not show them: {', '.join(self.left_out)}"] if self.left_out else []
-        lines += [f"Fixed, because the log does not tell them: {', '.join(self.fixed)}"] if self.fixed else []
+        lines += [f"Left out, because the log does not determine them: {', '.join(self.left_out)}"] if self.left_out else []
+        lines += [f"Fixed, because the log does not determine them: {', '.join(self.fixed)}"] if self.fixed else []
         lines += [f"wrote {file}" for file in self.files]
         campaign = self.folder / "campaign.toml"
         return "\n".join([*lines, f"next: thermid check {campaign}; thermid report {campaign} --to {self.folder / 'report.html'}"])
@@ -75,7 +75,7 @@ def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
 
 
 def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], kept: Record, source: str, title: str) -> Written:
-    """Write a proposal as a project that `check`, `calibrate` and `report` take as it stands.
+    """Write a proposal as a project that `check`, `calibrate` and `report` take as it is.
 
     Parameters
     ----------
@@ -192,29 +192,31 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     parts = {node: column for column, node in proposal.roles.parts.items()}
     measured = {c.target for r in request.records for c in r.channels.values()}
     for name, item in document.get("nodes", {}).items():
-        held = "; fixed: the log does not tell it" if f"{name}.capacitance" in fixed else ""
+        held = "; fixed: the log does not determine it" if f"{name}.capacitance" in fixed else ""
         if name in parts and name in measured:
             item.comment(f"measured: column {parts[name]}{held}")
         elif name in measured:
-            item.comment("the sensor itself, which lags behind its part; its heat capacity is kept small")
+            item.comment("the sensor itself, which lags behind its part; its heat capacity is small")
         else:
             item.comment(
-                "hidden: no sensor, proposed because held-out readings ask for it" if name not in parts else "read through its sensor"
+                "hidden: no sensor, proposed because it improves the prediction of hold-out readings"
+                if name not in parts
+                else "read through its sensor"
             )
     for name, item in document.get("conductors", {}).items():
         path = next((f for f in fixed if f.partition(".")[0] == name), "")
-        item.comment("fixed: the log does not tell it" if path else "fitted by the campaign")
+        item.comment("fixed: the log does not determine it" if path else "fitted by the campaign")
     for name, item in document.get("loads", {}).items():
         power = next((p for p in proposal.roles.powers if p.load == name), None)
         item.comment(f"column {power.column}" if power else "proposed")
     orders = proposal.search.orders
     head = [
         f"First model of {source}, proposed by thermid init: {proposal.chosen.nodes} masses, RMSE {proposal.chosen.rmse:.3g} K.",
-        "Replace what you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
+        "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
     ]
-    head += [f"Cannot tell {' from '.join(map(str, sorted(orders)))} masses with this log."] if len(orders) > 1 else []
+    head += [f"This log cannot separate structures of {' and '.join(map(str, sorted(orders)))} masses."] if len(orders) > 1 else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
-    head += [f"Left out, because the log does not show them: {', '.join(left_out)}."] if left_out else []
+    head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)
 
 
@@ -222,7 +224,7 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
     """Return a scenario to play with: the powers of the log on for as long as the log."""
     longest = max(records, key=lambda r: r.duration)
     around = _ambient(proposal, longest)
-    lines = ["For thermid simulate: what happens to the model. Change powers, surroundings and duration as you like."]
+    lines = ["Scenario for thermid simulate. Change powers, surroundings and duration as needed."]
     out = [_said(lines), f'duration = "{longest.duration / 3600.0:.3g} [h]"\n', f'start    = "{around:.4g} [degC]"\n', "\n[boundaries]\n"]
     out.append(f'{SURROUNDINGS} = "{around:.4g} [degC]"\n')
     powers = [p for p in proposal.roles.powers if not p.anchored]
@@ -295,10 +297,11 @@ def _campaign(proposal: Proposal, request: Request, fitted: Sequence[Record], ke
     verdicts.append(verdict)
     document.add("verdicts", verdicts)
     head = [
-        f"What is asked of the logs of {source}. The hold-out record is not fitted: it judges.",
-        f"Of a single log its last {100 * (1 - FITTED):.0f} % judge; a second test, with other powers, judges better.",
-        f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Put yours in their place.",
-        "Noise is what second differences of the readings show.",
+        f"Campaign for the logs of {source}. The hold-out record is not fitted; it validates the model.",
+        f"Of a single log its last {100 * (1 - FITTED):.0f} % validate the model; a second test with other powers is a stronger "
+        "validation.",
+        f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Replace them by yours.",
+        "The noise is estimated from second differences of the readings.",
     ]
     return _said(head) + tomlkit.dumps(document)
 

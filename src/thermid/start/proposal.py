@@ -66,7 +66,7 @@ class Proposal:
         hidden = one.nodes - len(self.roles.parts)
         lines = [f"{one.nodes} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
         if len(orders) > 1:
-            lines.append(f"Cannot tell {' from '.join(str(n) for n in sorted(orders))} masses with this log.")
+            lines.append(f"This log cannot separate structures of {' and '.join(str(n) for n in sorted(orders))} masses.")
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
         return "\n".join([*lines, str(self.search)])
 
@@ -141,8 +141,8 @@ def propose(roles: Roles, records: Sequence[Record], seconds: float = 60.0, nois
     if not _in_watts(roles):
         first = next(iter(roles.parts.values()))
         assumed = (
-            f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts: the log holds ratios to it only. Give "
-            f"--full-scale COLUMN='... [W]', or that heat capacity in the deck."
+            f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
+            "only. Give --full-scale COLUMN='... [W]', or that heat capacity in the deck."
         )
     return Proposal(roles, search, sizes, assumed)
 
@@ -165,8 +165,8 @@ def _refuse_still(records: Sequence[Record], roles: Roles, noise: Mapping[str, f
             if channel is not None and float(np.ptp(channel.values[channel.valid])) > 8.0 * noise[column]:
                 return
     raise IdentificationError(
-        "no temperature of a part changes by more than its noise, so the log cannot tell any time constant. Log a test in which a power or "
-        "the surroundings change.",
+        "no temperature of a part changes by more than its noise, so the log does not determine any time constant. Log a test in "
+        "which a power or the ambient changes.",
         records[0].name,
     )
 
@@ -218,7 +218,9 @@ def _begun(roles: Roles, records: Sequence[Record]) -> tuple[Roles, FittedStruct
             if best is None or one.end.cost < best[1].end.cost:
                 best = placed, one
     if best is None:
-        raise refusal or IdentificationError("no structure could be fitted.", records[0].name)
+        raise refusal or IdentificationError(
+            "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name
+        )
     return best
 
 

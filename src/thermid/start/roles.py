@@ -179,7 +179,7 @@ def roles_of(
     if len(set(parts.values())) < len(parts):
         parts = {n: word(n) for n in parts}
     if not parts:
-        raise RecordError("no column looks like the temperature of a part. Name them: --temperature COLUMN=PART.", path.name)
+        raise RecordError("no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART.", path.name)
     scales = dict(full_scale or {})
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
     made = tuple(

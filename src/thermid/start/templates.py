@@ -13,20 +13,20 @@ TEMPLATE: Final = FileKind("project file")
 ROOT: Final = "# This file marks the root of a thermid project: decks and logs are looked for below it.\n"
 
 _PART = """\
-# One part in a room. Put your own numbers in, and say where each is from.
+# One part in a room. Replace the numbers by yours, and give the source of each.
 title  = "part"
 needs  = ["room"]
 offers = ["case", "skin"]
 
 [nodes.case]
-mass          = { value = "0.5 [kg]", source = "assumed", note = "a scale tells it" }
+mass          = { value = "0.5 [kg]", source = "assumed", note = "measure with a scale" }
 specific_heat = { value = "900 [J/(kg K)]", source = "published", note = "aluminium" }
 
 [surfaces.skin]
 of            = "case"
 to            = "room"
-area          = { value = "300 [cm^2]", source = "assumed", note = "a ruler tells it" }
-effective_htc = { value = "8 [W/(m^2 K)]", min = 2, max = 30, source = "assumed", note = "with radiation; a test tells it" }
+area          = { value = "300 [cm^2]", source = "assumed", note = "measure with a ruler" }
+effective_htc = { value = "8 [W/(m^2 K)]", min = 2, max = 30, source = "assumed", note = "with radiation; fit to a test" }
 
 [loads]
 heat = { into = "case", power = { value = "5 [W]", source = "assumed", note = "volts times amperes" } }
@@ -52,7 +52,7 @@ board_2 = { capacitance = { value = "80 [J/K]", source = "assumed" } }
 air     = { capacitance = { value = "5 [J/K]", source = "assumed", note = "4 litres of air" } }
 walls   = { capacitance = { value = "900 [J/K]", source = "assumed", note = "1 kg of aluminium" } }
 
-# All conductances are assumed; a test tells them.
+# All conductances are assumed; fit them to a test.
 [conductors]
 board_1_air   = { kind = "conduction", between = ["board_1", "air"], conductance = "0.15 [W/K]" }
 board_2_air   = { kind = "conduction", between = ["board_2", "air"], conductance = "0.1 [W/K]" }

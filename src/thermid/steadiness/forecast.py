@@ -100,7 +100,7 @@ class Forecast(Result):
         """
         at = amount(time, "s", "time")
         if at < self.now:
-            raise RecordError(f"{at:g} s lies before the last reading that was used, at {self.now:g} s.", f"{self.record}, {self.channel}")
+            raise RecordError(f"{at:g} s is before the last reading used, at {self.now:g} s.", f"{self.record}, {self.channel}")
         return estimate(with_step(self._approach.at(at, reading=True), self._step), level or self.level)
 
     @property
@@ -138,13 +138,13 @@ class Forecast(Result):
 
     def _risk(self) -> str:
         """Return what may be wrong with the final temperature."""
-        often = f"{100 * (1 - self.level):.3g} of 100 such forecasts end outside"
+        often = f"{100 * (1 - self.level):.3g} of 100 such forecasts are wrong"
         if self.by_model:
-            return f"{often}, if the model has every slow part"
+            return f"{often}, if the model includes every slow part"
         far = duration_text(REACH * (self.now - self.start))
         return (
-            f"{often}. A part slower than {far} that drifts by less than {3600.0 * self.drift:.2g} K/h cannot be seen; it would add "
-            "that drift times its time constant"
+            f"{often}. A part slower than {far} that drifts by less than {3600.0 * self.drift:.2g} K/h cannot be detected; it would "
+            "add that drift times its time constant"
         )
 
     def __str__(self) -> str:
@@ -159,9 +159,9 @@ class Forecast(Result):
             lines.append(f"  final temperature: {self.final}{at}, {100 * self.level:g} % interval")
             lines.append(f"  risk: {self._risk()}")
         if self.holds is None:
-            lines.append(f"  rule '{self.rule.name}': it is not to be seen when it will hold")
+            lines.append(f"  rule '{self.rule.name}': the time at which it will be met cannot be predicted")
         elif self.holds <= self.now:
-            lines.append(f"  rule '{self.rule.name}': holds by now")
+            lines.append(f"  rule '{self.rule.name}': met now")
         else:
             late = "" if self.holds_late is None else f", with 95 % by {duration_text(self.holds_late - self.start)}"
             saved = "" if self.declined else f"; stopping now saves {duration_text(self.saved or 0.0)}"
@@ -228,8 +228,8 @@ def forecast(
     limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
     if limit < SHORTEST * span:
         raise RecordError(
-            f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} that were watched. "
-            "Give the longest one that the unit can have, with its unit.",
+            f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} of readings. Give the longest "
+            "time constant that the unit can have, with its unit.",
             f"{record.name}, {name}, slowest",
         )
     known = _of_model(model, scenario)
@@ -273,9 +273,9 @@ def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tup
         raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where)
     keep = inside & measured.valid
     if np.count_nonzero(keep) < FEWEST:
-        raise RecordError(f"{np.count_nonzero(keep)} readings lie in the stretch; {FEWEST} are needed for a forecast.", where)
+        raise RecordError(f"{np.count_nonzero(keep)} readings are in the period; a forecast needs {FEWEST}.", where)
     if not 0.5 <= level < 1.0:
-        raise RecordError(f"a level of {level:g} is none; give 0.5 to 0.99.", where)
+        raise RecordError(f"a level of {level:g} is not possible. Give 0.5 to 0.99.", where)
     return record.times[keep], measured.values[keep]
 
 
@@ -287,7 +287,7 @@ def _only(record: Record) -> str:
     RecordError   When there are several, or none.
     """
     if len(record.measured) != 1:
-        raise RecordError(f"say which channel: {', '.join(record.measured) or 'there is no temperature'}.", record.name)
+        raise RecordError(f"name the channel: {', '.join(record.measured) or 'there is no temperature'}.", record.name)
     return record.measured[0]
 
 
@@ -297,7 +297,7 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
         return ()
     if scenario is None:
         raise ScenarioError(
-            "a model's time constants belong to conditions: give the scenario of the stretch beside the model.", model.title
+            "the time constants of a model depend on the conditions. Give the scenario of the period with the model.", model.title
         )
     constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
     return tuple(float(t) for t in constants if np.isfinite(t))
@@ -306,18 +306,19 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
 def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
     """Return why a final temperature is declined."""
     text = (
-        f"It could end anywhere from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), wider than the "
-        f"+- {within:.3g} K asked for"
+        f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), "
+        "wider than the "
+        f"+- {within:.3g} K requested"
     )
     if by_model:
-        return f"{text}: the model's slow parts have not moved far enough to say where they go. Wait longer."
+        return f"{text}: the slow parts of the model have not changed enough for a forecast. Wait longer."
     if slow > span:
         return (
             f"{text}: the readings of {duration_text(span)} cannot exclude a slow part with a time constant of {duration_text(slow)}, "
-            "such as a heavy mass behind a weak link, that has only begun to move. Wait longer, or give a model"
+            "such as a heavy mass behind a weak link, that has only begun to change. Wait longer, or give a model"
             f"{'' if known else ', or the longest time constant that the unit can have (slowest)'}."
         )
-    return f"{text}: the readings are too few or too noisy for {duration_text(span)} of watching. Wait longer."
+    return f"{text}: the readings are too few or too noisy for {duration_text(span)} of readings. Wait longer."
 
 
 def _holds(curve: Approach, rule: StabilityRule, share: float, span: float) -> float | None:

@@ -185,7 +185,7 @@ class Stability(Result):
                 f"  at the limit of the rule a part with a time constant of {duration_text(self.tau)} still has {hidden:.2g} K to go"
             )
         if not self.decides:
-            lines.append("  the number of this rule is from memory: no verdict may rest on it before it was read in the standard")
+            lines.append("  the number of this rule is quoted from memory. Check it in the standard before any verdict uses it")
         return "\n".join(lines)
 
 
@@ -243,7 +243,7 @@ def _of_record(
     times = record.times[inside]
     wanted = names or tuple(record.measured)
     if not wanted:
-        raise RecordError("it has no temperature to ask about.", record.name)
+        raise RecordError("it has no temperature. Give a log or run with one.", record.name)
     begin, end = float(times[0]), float(times[-1])
     cut = record.trim(begin, end)
     stored = None
@@ -287,7 +287,7 @@ def _of_solution(
     window = rule.window or SHORT
     if end - window < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
         raise RecordError(
-            f"'{rule.name}' looks back over {duration_text(window)} from {end:g} s, and the run does not hold that.", run.title
+            f"'{rule.name}' needs {duration_text(window)} before {end:g} s, but the run does not include that time.", run.title
         )
     stored = None
     if rule.stored:
@@ -335,7 +335,7 @@ def _power(run: Solution, unit: str, start: float, end: float) -> float:
     powers = [np.broadcast_to(w, run.times.shape) for load, w in run.load_powers.items() if load.startswith(ahead)]
     power = float(sum(np.abs(np.interp(axis, run.times, w)).mean() for w in powers))
     if power <= 0.0:
-        raise RecordError("the unit has no power to compare the stored heat with. Give a rule on the rate.", run.title)
+        raise RecordError("the unit has no power, so a rule on stored heat does not apply. Give a rule on the rate.", run.title)
     return power
 
 
@@ -376,8 +376,8 @@ def _stored_in_log(
     """
     if run is None:
         raise RecordError(
-            f"'{rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate, or a run of a model "
-            "under the same conditions (run=; on the command line --model and --scenario).",
+            f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a run of "
+            "a model under the same conditions (run=; on the command line --model and --scenario).",
             record.name,
         )
     find = run._run.network.find
@@ -392,7 +392,7 @@ def _stored_in_log(
         raise RecordError(
             f"'{rule.name}' needs the temperature of every node that stores heat; {listed} "
             f"{'are' if len(hidden) > 1 else 'is'} not measured ({share:.2g} % of the capacitance). "
-            "Put sensors there, or take a rule on the rate.",
+            "Put sensors there, or use a rule on the rate.",
             record.name,
         )
     first, measured = float(record.times[0]), [name for n, names in sits.items() if n in capacities for name in names]

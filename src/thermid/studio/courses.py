@@ -75,7 +75,7 @@ class Shelf:
         NameNotFoundError   When there is none of that key.
         """
         known = self.courses(desk)
-        return look_up(key, known, "there is nothing called '{}' to run.", desk.title)
+        return look_up(key, known, "unknown run '{}'.", desk.title)
 
     def limits(self, desk: Desk) -> tuple[tuple[Limits, ...], str]:
         """Return the limits beside the deck whose nodes its model has, and the files that hold them."""
@@ -131,7 +131,7 @@ def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
         raise ScenarioError("give both the lowest and the highest predicted temperature, or neither.", course.title)
     numbers = asked.get("numbers", {})
     if not isinstance(numbers, Mapping) or not all(isinstance(v, str) for v in numbers.values()):
-        raise ScenarioError("numbers are texts by name.", course.title)
+        raise ScenarioError("give numbers as texts by name.", course.title)
     predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
     changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in numbers.items() if v.strip()}
     return profile.with_(predicted=predicted, **changed)
@@ -160,7 +160,7 @@ def profile_object(found: ThermalProfile) -> dict[str, Any]:
 
 
 def _own(desk: Desk) -> Iterator[Course]:
-    kind, group = ("record", "As its logs were made") if desk.problem is not None else ("scenario", "Scenarios")
+    kind, group = ("record", "As in its logs") if desk.problem is not None else ("scenario", "Scenarios")
     for k, title in enumerate(desk.runs):
         yield Course(f"{kind} {k}", title, group, kind, (k,))
 
@@ -276,9 +276,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     bands: Mapping[str, Band] | None = None
     if asked.get("uncertain") and limits:
         if desk.calibration is None or values:
-            raise ScenarioError(
-                "the uncertainty belongs to a fit's own values: run the stage, and put the sliders back (Reset).", desk.title
-            )
+            raise ScenarioError("the uncertainty applies to fitted values only. Run the stage, and reset the sliders (Reset).", desk.title)
         expected = foresee(Known.of(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
         rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
     remarks = run.remarks if run is not None else tuple(solution.warnings)
@@ -286,7 +284,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
 
 
 def _scenario(scenario: Scenario, gas: str) -> Scenario:
-    refuse_unknown([gas], ("air", "vacuum", "printed"), "studio", "'{}' is none of {known}.", ScenarioError)
+    refuse_unknown([gas], ("air", "vacuum", "printed"), "studio", "'{}' is not one of {known}.", ScenarioError)
     return scenario if gas == "air" else scenario.vacuum(gas == "printed")
 
 
@@ -348,7 +346,7 @@ def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
         return verdict
     if found.standing.usable:
         return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
-    return {"word": "not decided", "text": f"The values are {state}, do not use them: {why}. By them: {verdict['text']}"}
+    return {"word": "not decided", "text": f"The values are {state}, so do not use them: {why}. With them: {verdict['text']}"}
 
 
 def _verdict(found: Outcome) -> dict[str, str]:
@@ -360,22 +358,24 @@ def _verdict(found: Outcome) -> dict[str, str]:
         hot = max(nodes, key=lambda n: found.solution[n].highest)
         trace = found.solution[hot].maximum
         at = _hours(trace.time)
-        why = "No limits are kept beside this deck for its nodes"
+        why = "No limits are stored for the nodes of this deck"
         return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.celsius:.1f} °C at {at}.{_settling(run)}"}
     side, temperature, time = _nearest(worst)
     limit = worst.limits[1 if side == "upper" else 0]
     what = f"{worst.point} ({worst.node}), {worst.state}: {temperature - ICE_POINT:.1f} °C at {_hours(time)}"
     if worst.crossings:
         first = min(worst.crossings, key=lambda c: c.time)
-        text = f"Passes a limit. Worst: {what}, {-worst.room:.1f} K beyond its {side} limit of {limit - ICE_POINT:.4g} °C; first passed at "
+        text = (
+            f"Limit exceeded. Worst: {what}, {-worst.room:.1f} K beyond its {side} limit of {limit - ICE_POINT:.4g} °C; first exceeded at "
+        )
         text += f"{_hours(first.time)}, {_hours(sum(c.outside for c in worst.crossings))} beyond."
         word = "passed a limit"
     else:
-        text = f"Every limit is kept. Nearest: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
+        text = f"All limits met. Smallest margin: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
         word = "kept"
     undecided = [c.undecided for c in found.checks if c.undecided]
     if run is not None and not run.decides:
-        undecided.append("numbers of the profile are from memory")
+        undecided.append("numbers of the profile are quoted from memory")
     if undecided and all(c.passed is not False for c in found.checks):
         word, text = "not decided", f"{text} Not decided: {'; '.join(dict.fromkeys(undecided))}."
     return {"word": word, "text": text + _settling(run)}
@@ -389,7 +389,7 @@ def _settling(run: ProfileRun | None) -> str:
     least, at = float(s.margin.min()), _hours(float(s.times[int(s.margin.argmin())]))
     if least >= 0.0:
         return f" No surface reaches the dew point; nearest: {s.surface}, {least:.1f} K above it at {at}."
-    return f" Water settles: worst {s.surface}, {-least:.1f} K below the dew point at {at}, condensing for {_hours(s.condensing)}."
+    return f" Water condenses: worst {s.surface}, {-least:.1f} K below the dew point at {at}, condensing for {_hours(s.condensing)}."
 
 
 def _nearest(check: LimitCheck) -> tuple[str, float, float]:

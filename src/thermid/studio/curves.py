@@ -91,5 +91,5 @@ def window_of(asked: Mapping[str, Any]) -> Window:
     if window is None:
         return None
     if not isinstance(window, list) or len(window) != 2 or not all(isinstance(v, int | float) for v in window) or not window[0] < window[1]:
-        raise DeckError("a window is two times, the earlier first.", "studio")
+        raise DeckError("give a window as two times, the earlier first.", "studio")
     return float(window[0]), float(window[1])

@@ -195,7 +195,7 @@ class Desk:
         if not sensors:
             return model, replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in experiment.tips})
         lags = {o.lag: f"{inputs[o.lag]!r} [s]" for o in experiment.observations if o.lag in inputs}
-        return attached(model, experiment.record)[0].with_values(lags, "found by the fit"), scenario
+        return attached(model, experiment.record)[0].with_values(lags, "fitted"), scenario
 
     def moment(self, values: Mapping[str, float], run: int, time: float) -> Moment:
         """Return temperatures, heat flows and powers at a time of one run. [s]"""

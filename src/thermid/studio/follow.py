@@ -27,7 +27,7 @@ KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200
 BUDGET = 1.5
 """Time that forecasts of one look may take; the channel looked at comes first. [s]"""
-UNFINISHED = "the last line is still being written and was left out"
+UNFINISHED = "the last line is incomplete and was left out"
 BREAK = 5.0
 """A time between samples that is so many times the usual one is drawn as a gap."""
 
@@ -87,7 +87,7 @@ class Follower:
         try:
             stat = path.stat()
         except OSError:
-            return {"waiting": f"There is no '{path.name}' yet.", "known": ""}
+            return {"waiting": f"The file '{path.name}' does not exist yet.", "known": ""}
         known, age = f"{stat.st_mtime_ns} {stat.st_size}", max(time.time() - stat.st_mtime, 0.0)
         due = self._kept is None or self._kept.due
         if asked.get("known") == known and not (due and self._kept is not None and self._kept.behind):
@@ -96,7 +96,11 @@ class Follower:
         try:
             columns = temperature_columns(path)
             if not columns:
-                return {"waiting": "No column looks like a temperature: give it a unit, such as T1 [degC].", "known": known, "age": age}
+                return {
+                    "waiting": "No column is recognised as a temperature. Give it a unit, such as T1 [degC].",
+                    "known": known,
+                    "age": age,
+                }
             record = _whole_lines(path, columns)
         except (MissingDataError, RecordError) as error:
             return {"waiting": f"Nothing to show yet: {error.message}", "known": known, "age": age}
@@ -107,7 +111,7 @@ class Follower:
     def _path(self, name: str) -> Path:
         if not name:
             if self.log is None:
-                raise DeckError("no log is open: choose one of the project, or start with --log FILE.", "bench")
+                raise DeckError("no log is open. Choose one of the project, or start with --log FILE.", "bench")
             return self.log
         return resolve_inside(self.folder, name, "bench")
 
@@ -116,7 +120,7 @@ class Follower:
         window, reference = window_of(asked), str(asked.get("reference") or "")
         since = _hours(asked.get("since"), "since")
         names = [n for n in record.channels if n != reference]
-        refuse_unknown([reference] if reference else (), record.channels, record.name, "there is no channel '{}'.")
+        refuse_unknown([reference] if reference else (), record.channels, record.name, "unknown channel '{}'.")
         stabilities: dict[str, ChannelStability] = {}
         why: dict[str, str] = {}
         first = float(record.times[0]) if since is None else since
@@ -164,7 +168,7 @@ def _whole_lines(path: Path, columns: list[str]) -> Record:
     """Return a log without a last line that is still being written: half of a number is a number, and would be a spike."""
     before = _ended(path)
     record = read_record(path, {n: {"node": n} for n in columns})
-    dropped = any("cut short" in note for note in record.steps)
+    dropped = any("is incomplete" in note for note in record.steps)
     if (before and _ended(path)) or dropped or record.times.size < 3:
         return record
     return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, UNFINISHED))
@@ -192,7 +196,7 @@ def _hours(given: Any, name: str) -> float | None:
 def _forecast(record: Record, name: str, rule: StabilityRule, asked: Mapping[str, Any], begun: float) -> dict[str, Any]:
     """Return where a channel will end, or why that is not said."""
     if time.monotonic() - begun > BUDGET:
-        return {"declined": "Not worked out for want of time: choose this channel to have it.", "final": None, "open": True}
+        return {"declined": "Not computed, to save time. Choose this channel to compute it.", "final": None, "open": True}
     since, slowest = _hours(asked.get("since"), "since"), _hours(asked.get("slowest"), "slowest")
     reference = str(asked.get("reference") or "")
     try:
@@ -263,7 +267,7 @@ def _words(name: str, found: Mapping[str, ChannelStability], why: Mapping[str, s
 def _verdict(whole: Stability | None, why: Mapping[str, str], names: list[str]) -> dict[str, str]:
     """Return how the log stands as a sentence, with a word that a mark can stand for."""
     if whole is None:
-        return {"word": "too early", "text": next(iter(why.values()), "There is no temperature to ask about.")}
+        return {"word": "too early", "text": next(iter(why.values()), "The log has no temperature.")}
     word = "cannot tell" if why and whole.stable else whole.verdict
     c, settled = whole.channels[whole.slowest], sum(x.verdict == "stable" for x in whole.channels.values())
     span = f"{(c.end - c.start) / 60.0:.3g} min"
@@ -271,4 +275,7 @@ def _verdict(whole: Stability | None, why: Mapping[str, str], names: list[str]) 
     text += f"{settled} of {len(names)} channels settled"
     begun = [t for t in whole.since.values() if t is not None]
     text += f", all since {max(begun) / 3600.0:.2f} h." if word == "stable" and begun else "."
-    return {"word": word, "text": text + ("" if whole.decides else " The number of this rule is from memory: it decides nothing.")}
+    return {
+        "word": word,
+        "text": text + ("" if whole.decides else " The number of this rule is quoted from memory, so it is not used for a verdict."),
+    }

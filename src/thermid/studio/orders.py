@@ -51,12 +51,12 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
     def profile(body: Body) -> Any:
         course = work.shelf.course(project.desk(_text(body, "stage")), _text(body, "course"))
         if course.kind != "profile":
-            raise DeckError(f"'{course.title}' is no profile, so it has no numbers to change.", "studio")
+            raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio")
         return profile_object(profile_for(course, body))
 
     def outcome(body: Body) -> Any:
         if work.outcome is None:
-            raise DeckError("nothing was run yet.", "studio")
+            raise DeckError("no run exists yet. Run one first.", "studio")
         return outcome_object(work.outcome, window_of(body))
 
     return {
@@ -76,14 +76,14 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 def _text(body: Mapping[str, Any], key: str) -> str:
     text = body.get(key, "")
     if not isinstance(text, str):
-        raise DeckError(f"'{key}' is no text.", "studio")
+        raise DeckError(f"'{key}' is not a text.", "studio")
     return text
 
 
 def _values(body: Mapping[str, Any]) -> dict[str, float]:
     sliders = body.get("values", {})
     if not isinstance(sliders, dict) or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in sliders.values()):
-        raise DeckError("values are numbers by path.", "studio")
+        raise DeckError("give values as numbers by path.", "studio")
     return {str(k): float(v) for k, v in sliders.items()}
 
 
@@ -108,7 +108,7 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def desk_object(desk: Desk) -> dict[str, Any]:
-    """Return the sliders of a stage, its curves as they stand, and its parts."""
+    """Return the sliders of a stage, its curves as they are, and its parts."""
     return {
         "title": desk.title,
         "sliders": [asdict(s) for s in desk.sliders],
@@ -131,7 +131,7 @@ def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: b
     DeckError       When there is no such gas.
     ThermidError    When a run is refused or cannot be finished.
     """
-    refuse_unknown([gas], GASES, "studio", "'{}' is none of {known}.", DeckError)
+    refuse_unknown([gas], GASES, "studio", "'{}' is not one of {known}.", DeckError)
     runs = desk.curves(values, window)
     without = desk.without_gas(values, as_printed=gas == "printed") if gas != "air" else {}
     return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
@@ -153,10 +153,10 @@ def _curve(curve: ThinnedCurve, without: ThinnedCurve | None, measured: bool) ->
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return the model as SVG at a time of one of its runs, submodels folded as asked."""
     folded = tuple(map(str, asked.get("folded", ())))
-    refuse_unknown(folded, desk.parts, desk.title, "there is no part '{}' to fold.", DeckError)
+    refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
     time, run = asked.get("time"), asked.get("run", 0)
     if not isinstance(run, int) or not (time is None or isinstance(time, int | float)):
-        raise DeckError("a run is a whole number and a time a number.", "studio")
+        raise DeckError("give a run as a whole number and a time as a number.", "studio")
     return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
 
 

@@ -51,7 +51,7 @@ class Project:
         self.path = Path(path).resolve()
         if self.path.is_dir():
             inside = ", ".join(sorted(f.name for f in self.path.glob("*.toml"))[:9]) or "none"
-            raise DeckError(f"a folder is no deck or campaign. Name a file in it; there are: {inside}.", self.path.name)
+            raise DeckError(f"a folder is not a deck or campaign. Give a file in it: {inside}.", self.path.name)
         self.results = results if results is not None else self.path.parent / "results"
         self._data = data
         self.source, self.title = self._read()
@@ -60,7 +60,7 @@ class Project:
         self.edition = 0
         self.broken = ""
         self.done: dict[str, Calibration] = {}
-        self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not looked at yet") for name in self.stages}
+        self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not run yet") for name in self.stages}
         self._requests: dict[str, Request] = {}
         self._keys: dict[str, str] = {}
         self._made_of: dict[str, dict[str, str]] = {}
@@ -90,7 +90,7 @@ class Project:
             known.clear()
         names = self.stages
         self.done = {n: c for n, c in self.done.items() if n in names}
-        self.states = {n: self.states.get(n, StageState(n, "waiting", "not looked at yet")) for n in names}
+        self.states = {n: self.states.get(n, StageState(n, "waiting", "not run yet")) for n in names}
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -124,13 +124,13 @@ class Project:
         if self.broken:
             return self._set(StageState(name, "failed", self.broken, self.states[name].below))
         if self.source is None:
-            return self._set(StageState(name, "deck", "a deck alone: nothing was measured"))
+            return self._set(StageState(name, "deck", "a deck alone, without logs"))
         if name in self.done and name in self._requests:
             return self.states[name]
         direct, before, found = self.below(name), self._keys.get(name), self.done.pop(name, None)
         missing = [n for n in direct if self.states[n].state != "done"]
         if missing:
-            why = f"takes values of '{missing[0]}', which is {self.states[missing[0]].state}"
+            why = f"needs values of '{missing[0]}', which is {self.states[missing[0]].state}"
             return self._set(StageState(name, "waiting", why, direct))
         try:
             request = self._request(name)
@@ -144,7 +144,7 @@ class Project:
         if kept is None:
             ran = found is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
             changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
-            why = f"changed since it was run: {changed}" if changed else "to be run again" if ran else "never run"
+            why = f"changed since it was run: {changed}" if changed else "run it again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
         return self._finish(name, fit(request, None, kept))
 
@@ -156,7 +156,7 @@ class Project:
         ThermidError   When it cannot be run; the message says why.
         """
         if self.source is None:
-            raise DeckError("a deck has no stage to run: nothing was measured. Open a campaign.", self.path.name)
+            raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name)
         calibration = fit(self._request(name), told)
         if calibration.converged:
             ended = np.array(list(calibration.fitted.values()))
@@ -181,9 +181,9 @@ class Project:
         IdentificationError   When nothing is free, or the logs cannot tell.
         """
         if self.source is None:
-            raise IdentificationError("a deck alone has no log to fit. Open a campaign.", self.path.name)
+            raise IdentificationError("a deck has no log, so a fit is not possible. Open a campaign.", self.path.name)
         if not free:
-            raise IdentificationError("no parameter is chosen. Tick those that the fit may move.", name)
+            raise IdentificationError("no parameter is selected. Tick the parameters to fit.", name)
         desk, request = self.desk(name), self._request(name)
         known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
         # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
@@ -255,7 +255,7 @@ class Project:
                 more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
                 states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
         if not states:
-            raise DeckError("no value was moved, so there is nothing to save.", "save")
+            raise DeckError("no value was changed, so there is nothing to save.", "save")
         self.results.mkdir(parents=True, exist_ok=True)
         target, k = self.results / f"{stem}.values.toml", 2
         while target.exists():
@@ -272,10 +272,10 @@ class Project:
         ThermidError   When the campaign is not done, the deck is none of the project's, or it does not fit.
         """
         if self.source is None:
-            raise DeckError("a swap needs a campaign with its stages done.", self.path.name)
+            raise DeckError("a swap needs a campaign whose stages have been run.", self.path.name)
         undone = [n for n in self.stages if n not in self.done]
         if undone:
-            raise DeckError(f"stage '{undone[0]}' is not done; run the stages first.", self.title)
+            raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title)
         file = resolve_inside(self.path.parent, deck, "swap", ())
         campaign = Campaign(self.title, dict(self.done), (), dict(self._keys), "", None, self.source, dict(self._requests))
         return plan_retune(campaign, part, load_model(file))
@@ -305,7 +305,7 @@ class Project:
             stage = self.source.content.stages[k]
             missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
             if missing:
-                raise DeckError(f"takes values of '{missing[0]}', which is not done; run that first.", name)
+                raise DeckError(f"needs values of '{missing[0]}', which has not been run. Run that first.", name)
             request, self._made_of[name] = keyed(request_of(self.source, stage, k, self.done), stage, self._keys)
             self._keys[name], self._requests[name] = request.key, request
         return self._requests[name]
@@ -440,7 +440,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _named(folder: Path, text: str, roots: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files that a text may name: decks also where they are missing, patterns of logs as they stand."""
+    """Yield the files that a text may name: decks also where they are missing, patterns of logs as they are."""
     if not text or len(text) > 255 or "\0" in text or "\n" in text:
         return
     for root in (folder, *roots):

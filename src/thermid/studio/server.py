@@ -71,15 +71,15 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
             from starlette.concurrency import run_in_threadpool
 
             if request.headers.get(GUARD) != "1":
-                return _refused("requests that change something come from the studio's own page.")
+                return _refused("requests that change something must come from the studio's page.")
             try:
                 body = json.loads(await _body(request))
             except OverflowError:
                 return _refused(f"the body has more than {LARGEST_BODY / 1e6:.0f} MB.", 413)
             except (ValueError, RecursionError):
-                return _refused("the body is no JSON.")
+                return _refused("the body is not JSON.")
             if not isinstance(body, dict):
-                return _refused("the body is no JSON object.")
+                return _refused("the body is not a JSON object.")
 
             def locked() -> Response:
                 with lock:
@@ -118,7 +118,7 @@ class Guard:
         headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in scope["headers"]}
         origin = headers.get("origin")
         if headers.get("host") not in self.hosts or (origin is not None and origin.removeprefix("http://") not in self.hosts):
-            await _refused("this studio answers to its own page only.", 403)(scope, receive, send)
+            await _refused("this studio accepts requests of its own page only.", 403)(scope, receive, send)
             return
 
         async def guarded(message: Any) -> None:
@@ -167,7 +167,7 @@ def _file(name: str) -> Response:
 
     known = {f.name: f for f in files("thermid.studio").joinpath("static").iterdir()}
     if name not in known:
-        return _refused("there is no such page.", 404)
+        return _refused("this page does not exist.", 404)
     return Response(known[name].read_text(encoding="utf-8"), media_type=KINDS[Path(name).suffix], headers={"cache-control": "no-store"})
 
 
@@ -198,7 +198,7 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
         listener.bind(("127.0.0.1", port))
     except OSError:
         listener.close()
-        raise DeckError(f"port {port} is taken. Give another by --port, or 0 for any.", "studio") from None
+        raise DeckError(f"port {port} is in use. Give another with --port, or 0 for any free one.", "studio") from None
     taken = int(listener.getsockname()[1])
     listener.listen()
     if ready is not None:

@@ -130,7 +130,7 @@ class Work:
 
     def _start(self, what: str, stage: str, make: Callable[[_Job], None]) -> dict[str, Any]:
         if self._thread is not None and self._thread.is_alive():
-            raise DeckError(f"'{self._job.stage if self._job else ''}' is still running; one thing at a time.", "studio")
+            raise DeckError(f"'{self._job.stage if self._job else ''}' is still running. Wait until it ends, or stop it.", "studio")
         job = self._job = _Job(what, stage)
 
         def work() -> None:

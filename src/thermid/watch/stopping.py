@@ -134,7 +134,7 @@ class Stopping:
             return ""
         return (
             f"{far}: the readings end at {ends[far].final}, the model settles {short(abs(apart[far]))} K "
-            f"{'below' if apart[far] > 0 else 'above'} that: a slow mass that the model does not have, or a value that is not as it says."
+            f"{'below' if apart[far] > 0 else 'above'} that. The model lacks a slow mass, or one of its values is wrong."
         )
 
     def _advice(self, record: Record, ends: Mapping[str, Forecast], why: str, late: float | None, level: float, doubt: str) -> StopAdvice:
@@ -146,7 +146,7 @@ class Stopping:
         if doubt or why:
             return said(DECLINED if doubt or ends else WAIT, doubt or why)
         if self.count > DECISIONS:
-            return said(DECLINED, f"{DECISIONS} decisions were taken, and none is left: their risk is spent. Judge by the plan's rule.")
+            return said(DECLINED, f"{DECISIONS} decisions were made, which uses up the stated risk. Apply the plan's rule instead.")
         open_ = [f for f in ends.values() if f.declined]
         if open_:
             worst = max(open_, key=lambda f: f.final.error)
@@ -159,13 +159,15 @@ class Stopping:
             return said(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
         holds = late is not None and late <= now
         if self.required and not holds:
-            return said(WAIT, f"where it ends is known, but the plan asks that '{self.rule.name}' holds{_when(late, now)}.")
+            return said(WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}.")
         rule = (
             ""
             if holds
-            else f" The plan's rule '{self.rule.name}' does not hold yet{_when(late, now)}; whether the test may end is the plan's to say."
+            else f" The plan's rule '{self.rule.name}' is not met yet{_when(late, now)}. Check in the plan whether the test may end."
         )
-        return said(STOP, f"more waiting changes no verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}")
+        return said(
+            STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
+        )
 
 
 def _when(late: float | None, now: float) -> str:

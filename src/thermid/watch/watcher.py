@@ -131,12 +131,12 @@ class SuspectValue:
 
 
 PATHS: Final = {
-    "htc": ("air", "less air moves past it: look at the fan", "more air moves past it: look at the fan or a lid"),
-    "effective_htc": ("air", "less air moves past it: look at the fan", "more air moves past it: look at the fan or a lid"),
-    "htc.coefficient": ("air", "less air moves past it", "more air moves past it"),
-    "contact_conductance": ("joint", "conducts worse: a joint is lost or loose", "conducts better: something touches"),
-    "conductance": ("joint", "conducts worse: a joint is lost or loose", "conducts better: something touches"),
-    "resistance": ("joint", "conducts better: something touches", "conducts worse: a joint is lost or loose"),
+    "htc": ("air", "less air flow: check the fan", "more air flow: check the fan and lids"),
+    "effective_htc": ("air", "less air flow: check the fan", "more air flow: check the fan and lids"),
+    "htc.coefficient": ("air", "less air flow", "more air flow"),
+    "contact_conductance": ("joint", "conducts worse: check for a loose joint", "conducts better: check for an unintended contact"),
+    "conductance": ("joint", "conducts worse: check for a loose joint", "conducts better: check for an unintended contact"),
+    "resistance": ("joint", "conducts better: check for an unintended contact", "conducts worse: check for a loose joint"),
     "conductivity": ("heat path", "conducts worse", "conducts better"),
 }
 """Field of a conductor -> kind, and what a lower and a higher value mean."""
@@ -289,17 +289,17 @@ class Watcher:
         for a in (*off, *self._lasting(found, record, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
-        doubt = doubt or ("readings are not what the model foresees; what is wrong is not known yet." if found else "")
+        doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
         settles = self._settles(record) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
         advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
         return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
         if self.model is None:
-            return ("no model is given: faults of the unit and nodes without a sensor are not seen",)
+            return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
         silent = [n for n in self.channels if record.channel(n).noise is None]
-        noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K, as nobody said it"] if silent else []
-        return (f"the model is trusted to {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
+        noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K is assumed, because none is stated"] if silent else []
+        return (f"assumed error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
 
     def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
@@ -427,7 +427,9 @@ class _Window:
     def _alarm(self, way: str, share: float, gain: float, since: float) -> Alarm:
         if way.startswith("sensor "):
             o = self.dynamics.experiment.observations[int(way.removeprefix("sensor "))]
-            return Alarm("sensor", o.sensor, since, f"reads {short(abs(share))} K {'high' if share > 0 else 'low'}, or slipped", gain)
+            return Alarm(
+                "sensor", o.sensor, since, f"reads {short(abs(share))} K too {'high' if share > 0 else 'low'}, or has slipped", gain
+            )
         s = next(s for s in self.suspects if s.path == way)
         return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
 
@@ -456,4 +458,4 @@ def merged(record: Record, most: int) -> Record:
 
 
 def _no_reading(at: float) -> StopAdvice:
-    return StopAdvice("declined", "no sensor reads any more.", 0, 0.0, {}, None, at)
+    return StopAdvice("declined", "no sensor gives readings any more. Check the logger.", 0, 0.0, {}, None, at)

@@ -79,5 +79,5 @@ def test_a_wait_without_a_line_ends_in_the_boards_time() -> None:
 
 
 def test_a_speed_that_is_none_is_refused() -> None:
-    with pytest.raises(RecordError, match="speed 0 must be above zero"):
+    with pytest.raises(RecordError, match=r"the speed of a board must be above zero, not 0\."):
         BoardPort(Board(lambda t, d: [20.0], 1), 0.0)

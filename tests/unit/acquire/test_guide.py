@@ -50,7 +50,7 @@ def test_nothing_warmed_is_said(tmp_path: Path) -> None:
     log = logger(tmp_path, Board(Hand([]), 3))
     assert tell_apart(log, tmp_path / "sensors.toml", said.append, lambda text: "x", patience=10.0) == []
     log.close()
-    assert "3 sensors stay without a name" in said[-1]
+    assert "so 3 sensors have no name" in said[-1]
 
 
 def test_the_ice_point_writes_certificates(tmp_path: Path) -> None:
@@ -61,5 +61,5 @@ def test_the_ice_point_writes_certificates(tmp_path: Path) -> None:
     made = ice_point(log, tmp_path / "sensors.toml", said.append, lambda text: True)
     log.close()
     assert [each.certificate.offset for each in made if each.certificate] == [0.25, -0.125]
-    assert "Is it in the ice water" in said[-1]
+    assert "A good sensor reads within" in said[-1]
     assert set(load_sensors(tmp_path / "sensors.toml")) == {board.roms[0], board.roms[1]}

@@ -73,7 +73,7 @@ def test_the_map_in_the_header_names_and_corrects(tmp_path: Path) -> None:
     record = td.read_record(path, {"T1": "T1", "heater1": {"command": "heater"}})
     np.testing.assert_allclose(record["T1"].values, 19.75 + 273.15)
     assert record["T1"].accuracy == pytest.approx(0.05)
-    assert any("its certificate in the log, of 2026-02-01, says +0.25 K" in step for step in record.steps)
+    assert any("its certificate in the log, of 2026-02-01, states +0.25 K" in step for step in record.steps)
     np.testing.assert_allclose(record["heater1"].values, 0.25)
     with pytest.raises(NameNotFoundError, match="T1"):
         td.read_record(path, {"x": "T2"})
@@ -179,7 +179,7 @@ def test_cut_anywhere_it_opens_and_says_so(tmp_path: Path) -> None:
         except NameNotFoundError:
             assert A not in text[:at]
         else:
-            assert text[at - 1] == "\n" or any("cut short" in step for step in record.steps)
+            assert text[at - 1] == "\n" or any("is incomplete" in step for step in record.steps)
 
 
 def test_damage_is_named(tmp_path: Path) -> None:
@@ -192,9 +192,9 @@ def test_damage_is_named(tmp_path: Path) -> None:
     path.write_text("\n".join(lines))
     steps = td.read_record(path, {"a": A, "b": B}).steps
     assert "damaged lines that were dropped: 1 (lines 10)" in steps
-    assert "lines that stood out of order and were put back: 2" in steps
-    assert "lines that stood twice: 1" in steps
-    assert "lines of the board that are missing: 2" in steps  # the damaged one and the deleted one
+    assert "lines out of order that were sorted: 2" in steps
+    assert "duplicate lines: 1" in steps
+    assert "missing lines of the board: 2" in steps  # the damaged one and the deleted one
 
 
 def test_a_comment_of_a_person_is_no_damage(tmp_path: Path) -> None:
@@ -206,5 +206,5 @@ def test_a_comment_of_a_person_is_no_damage(tmp_path: Path) -> None:
 def test_a_log_without_values_is_refused_with_its_reason(tmp_path: Path) -> None:
     made = Sheet().start()
     made.text += log_line("1 0.100000 no line of a board")
-    with pytest.raises(RecordError, match="holds no value yet; 1 lines are damaged"):
+    with pytest.raises(RecordError, match=r"has no values yet; 1 lines are damaged"):
         td.read_record(made.save(tmp_path / "bench.log"), {"a": A})

@@ -102,7 +102,7 @@ def test_garbage_and_a_cut_line_are_kept_as_marks(bench: Bench) -> None:
     text = bench.path.read_text()
     assert "garbage" in text
     assert "missing" in marks(bench.path)
-    assert "lines of the board that are missing: 1" in bench.record().steps
+    assert "missing lines of the board: 1" in bench.record().steps
 
 
 def test_garbage_without_an_end_does_not_fill_the_memory(bench: Bench) -> None:
@@ -221,13 +221,13 @@ def test_a_second_start_continues_the_log(bench: Bench) -> None:
 
 
 def test_two_loggers_do_not_write_to_one_file(bench: Bench) -> None:
-    with pytest.raises(RecordError, match="another logger writes to it"):
+    with pytest.raises(RecordError, match=r"another logger is writing to it\."):
         bench.logger()
 
 
 def test_another_file_is_not_written_to(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("my notes\n")
-    with pytest.raises(RecordError, match="no log of the bench"):
+    with pytest.raises(RecordError, match=r"it is not empty and not a log of the bench\."):
         Logger(tmp_path / "notes.txt", lambda: "nowhere")
     assert (tmp_path / "notes.txt").read_text() == "my notes\n"
 
@@ -254,7 +254,7 @@ def test_the_map_is_held_against_what_answers(tmp_path: Path) -> None:
         log.close()
     assert (log.marks["absent"], log.marks["unnamed"]) == (1, 1)  # said once, however often the board is asked
     assert log.watch.faults == {made_up_rom(9): "absent"}
-    assert f"ghost (ROM {made_up_rom(9)}): it is in the map and does not answer" in (tmp_path / "b.log").read_text()
+    assert f"ghost (ROM {made_up_rom(9)}): it is in the sensor map but does not respond" in (tmp_path / "b.log").read_text()
 
 
 def test_heaters_that_were_cut_off_need_a_word_before_they_are_on_again(tmp_path: Path) -> None:
@@ -277,9 +277,7 @@ def test_heaters_that_were_cut_off_need_a_word_before_they_are_on_again(tmp_path
         cycles(log, 2)
         log.close()
         before = path.read_text()
-        why = (
-            r"heaters 1 and 2 off: over-temperature of plate, \d+ s after the start 1 of this log \(20.*look at the hardware.*--clear-latch"
-        )
+        why = r"heaters 1 and 2 off: over-temperature of plate, \d+ s after the start 1 of this log \(20.*check the hardware.*--clear-latch"
         with pytest.raises(RecordError, match=why):
             logger(heats)
         assert path.read_text() == before  # nothing was begun

@@ -21,13 +21,13 @@ def test_a_value_is_read() -> None:
     [
         (f"D,1,2,{ROM},,ok", "has no raw value"),
         (f"D,1,2,{ROM},5,lost", "cannot have a raw value"),
-        (f"D,1,2,{ROM[:-1]}{'0' if ROM[-1] != '0' else '1'},5,ok", "does not carry its own CRC"),
-        (f"D,1,2,{ROM},5,fine", "no line of the protocol"),
+        (f"D,1,2,{ROM[:-1]}{'0' if ROM[-1] != '0' else '1'},5,ok", r"ROM 2800003C0B1A0FC0 has a wrong CRC\."),
+        (f"D,1,2,{ROM},5,fine", "is not a line of the protocol."),
         (f"D,4294967296,2,{ROM},5,ok", "32 bits"),
         ("B,1,2,uno", "3 to 3 fields"),
-        (f"S,1,2,{ROM},13", "no ROM with a resolution"),
-        ("", "no line of the protocol"),
-        ("\xff\x00", "no line of the protocol"),
+        (f"S,1,2,{ROM},13", "is not a ROM with a resolution."),
+        ("", "is not a line of the protocol."),
+        ("\xff\x00", "is not a line of the protocol."),
     ],
 )
 def test_a_sealed_line_may_still_be_wrong(body: str, word: str) -> None:

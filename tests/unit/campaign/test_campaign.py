@@ -143,7 +143,7 @@ class TestInheritance:
         deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
         found = run_stages(project)["pair"]
         assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
-        assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which hides what stage 'box' found." in found.warnings
+        assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which overrides the result of stage 'box'." in found.warnings
 
     def test_what_the_set_hides_is_no_prior_either(self, project: Path) -> None:
         deck = project.parent / "pair.toml"
@@ -151,7 +151,7 @@ class TestInheritance:
         found = run_stages(changed(project, (FIXED, 'as = "prior"')))["pair"]
         assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
         assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
-        assert any("which hides what stage 'box' found" in w for w in found.warnings)
+        assert any(", which overrides the result of" in w for w in found.warnings)
 
     @pytest.mark.parametrize("how", ["fixed", "prior"])
     def test_a_part_by_its_alias(self, project: Path, how: str) -> None:
@@ -209,9 +209,9 @@ def before(place: str, text: str) -> tuple[str, str]:
 
 BAD = [
     # what is changed, into what, the text whose line the message must have, the words
-    ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is no field here\. Did you mean 'free'"),
-    ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is no field here\. Did you mean 'title'"),
-    ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is no field here\. Did you mean 'get'"),
+    ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is not a field here\. Did you mean 'free'"),
+    ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is not a field here\. Did you mean 'title'"),
+    ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is not a field here\. Did you mean 'get'"),
     ('model   = "pair.toml"\n', "", STAGES, r"stages\.1\.model: is missing"),
     (
         'stage = "box", as',
@@ -237,7 +237,7 @@ BAD = [
     ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, r"leaves the project"),
     ('model   = "pair.toml"', 'model   = "../pair.toml"', STAGES, r"'\.\./pair\.toml' leaves the project"),
     ('model   = "pair.toml"', 'model   = "pear.toml"', None, r"there is no file 'pear\.toml'.*Did you mean 'pair\.toml'"),
-    ('file     = "logs/box_bench.csv"\n', "", BENCH, r"a record has `file`, or `files` with patterns; one of them"),
+    ('file     = "logs/box_bench.csv"\n', "", BENCH, r"give a record either `file`, or `files` with patterns\."),
     ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', STAGES, r"no parameter 'stack\.contact'"),
     ('T_A = { node = "case"', 'T_X = { node = "case"', BENCH, r"no column 'T_X'.*Did you mean 'T_A'"),
     (
@@ -247,8 +247,8 @@ BAD = [
         r"no column 't_s'",
     ),
     ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', BENCH, r"\[W\]"),
-    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"there is no criterion 'rms'\. Did you mean 'rmse'"),
-    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"no criterion is given for 'T_A'"),
+    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"unknown criterion 'rms'\. Did you mean 'rmse'"),
+    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"'T_A' has no criterion\. Give it"),
     (
         *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),
         STAGES,
@@ -256,18 +256,18 @@ BAD = [
     ),
     (*before(VERDICTS, 'loss = "hubert"'), "loss", r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'"),
     (*before(VERDICTS, 'window = "5 [K]"'), STAGES, r"a time \[s\] is needed here"),
-    (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, r"a weight is given for 'T_C', which is no sensor here"),
+    (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, r"a weight is given for 'T_C', which is not a sensor of this"),
     (*before(VERDICTS, 'ignore = ["T_C"]'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'bind = { T_C = "a.case" }'), STAGES, r"no channel 'T_C'"),
     (
         *before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'),
         STAGES,
-        r"a binding has one of node, boundary, load, command and prescribed.*not nod",
+        r"exactly one of node, boundary, load, command and prescribed.*given: nod",
     ),
     (*before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'), STAGES, r"not node, noise"),
     (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
-    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is no field here"),
+    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is not a field here\."),
     (
         *before(PAIRS, '[checksums]\nbox_bensch = "00"'),
         None,
@@ -322,7 +322,9 @@ class TestUsedRecords:
     def test_a_verdict_on_a_record_of_any_stage(self, project: Path) -> None:
         error = refused(changed(project, ('record   = "pair_two"', 'record   = "pair_one"')))
         assert isinstance(error, IdentificationError)
-        assert "record 'pair_one' was used by stage 'pair' as 'pair_one'; a validation needs data that no fit has seen." in error.message
+        assert (
+            "record 'pair_one' was used by stage 'pair' as 'pair_one'. A validation needs a hold-out record: use one that no fit used."
+        ) in error.message
         assert error.where.endswith("verdicts.0")
 
     def test_though_it_was_trimmed_and_has_another_name(self, project: Path) -> None:
@@ -361,7 +363,7 @@ class TestWhereLogsLie:
 
     def test_a_data_folder_that_is_not_there(self, project: Path) -> None:
         with pytest.raises(
-            ThermidError, match=r"campaign\.toml: the data folder 'none' is not there\. Give another with --data or THERMID_DATA"
+            ThermidError, match=r"campaign\.toml: the data folder 'none' does not exist\. Give another one with --data or THERMID_DATA"
         ):
             run_stages(project, data=project.parent / "none")
 
@@ -570,13 +572,13 @@ def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
     again = run_stages(project)["box"]
     assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
     project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
-    assert "unit is given for 'wen', which is no channel" in str(refused(project))
+    assert "unit is given for 'wen', which is no channel is requested. Give" in str(refused(project))
 
 
 def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:
     text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
     project.write_text(text, encoding="utf-8")
-    assert "it needs a load or command" in str(refused(project))
+    assert "prompt states that a power" in str(refused(project))
 
 
 def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ class TestLooks:
         (after,) = td.run_stages(path, cache=results).verdicts
         assert not after.unseen
         assert after.failed_before[0].record == "pair_two"
-        assert "no longer unseen: 1 failed verdict on it since" in str(after)
+        assert "This record is no longer independent: the model" in str(after)
         (elsewhere,) = td.run_stages(path).verdicts
         assert elsewhere.unseen, "without a results folder nothing is remembered"
 

@@ -142,8 +142,16 @@ def test_stages_freeze_and_priors(project: Path) -> None:
     assert list(only.records) == ["pair_one"]
     # box is not in it: what it found is no prior, and nothing of it is in the errors
     for fit, said in (
-        (joint, "the joint fit takes 'a.case.mass' of stage 'box' as exact: its errors do not count theirs."),
-        (only, f"what stage 'box' found of 'a.{HTC}', 'a.{MASS}' is no prior of the joint fit, for none of its records is in it."),
+        (
+            joint,
+            "the joint fit keeps 'a.case.mass' of stage 'box' fixed, so its standard errors do not include theirs and are too small. "
+            "Free them in the joint fit if that matters.",
+        ),
+        (
+            only,
+            f"the result of stage 'box' for 'a.{HTC}', 'a.{MASS}' is not a prior of the joint fit, because none of its records is "
+            "part of it.",
+        ),
     ):
         assert said in fit.warnings
         assert said in [x.what for x in fit.store.left_out]
@@ -157,21 +165,24 @@ def test_values_of_a_stage_that_is_left_out_are_taken_as_exact_and_it_says_so(pr
     assert joint[JOINT].value == pytest.approx(found["pair"][JOINT].value, rel=1e-4)
     assert joint[JOINT].error < found["pair"][JOINT].error
     (said,) = [w for w in joint.warnings if "as exact" in w]
-    assert said == f"the joint fit takes 'a.{HTC}', 'a.{MASS}' of stage 'box' as exact: its errors do not count theirs."
+    assert (
+        said == f"the joint fit keeps 'a.{HTC}', 'a.{MASS}' of stage 'box' fixed, so its standard errors do not include theirs and are too "
+        "small. Free them in the joint fit if that matters."
+    )
     assert said in [x.what for x in joint.store.left_out]
 
 
 def test_of_all_levels_nothing_is_left_out(campaign: Campaign) -> None:
     assert campaign.joint is not None
-    assert not [w for w in campaign.joint.warnings if "as exact" in w or "no prior of the joint fit" in w]
+    assert not [w for w in campaign.joint.warnings if "as exact" in w or "is not a prior of the joint" in w]
 
 
 @pytest.mark.parametrize(
     ("table", "words"),
     [
         ('[joint]\nstages = ["pear"]\n', r"no stage 'pear'\. Did you mean 'pair'"),
-        ('[joint]\nfreeze = ["a.skin.effective_hts"]\n', r"'a\.skin\.effective_hts' is frozen, but nothing of that name is free\. Did you"),
-        ('[joint]\nfreeze = ["*.x"]\n', r"no parameter that can be freed matches '\*\.x'"),
+        ('[joint]\nfreeze = ["a.skin.effective_hts"]\n', r"'a\.skin\.effective_hts' is listed as frozen, but it is not free\. Did you"),
+        ('[joint]\nfreeze = ["*.x"]\n', r"no parameter that can be fitted matches '\*\.x'\."),
         ('[joint]\npriors = { "b.power" = { sd = "1 [W]" } }\n', r"a prior is given for 'b\.power', which is not free"),
     ],
 )
@@ -197,7 +208,7 @@ def test_two_priors_of_one_value(project: Path) -> None:
 def test_a_verdict_on_joint_values(project: Path, made: Path) -> None:
     (verdict,) = td.run_stages(with_text(project, ('record   = "pair_two"', 'record   = "pair_two"\nvalues   = "joint"'))).verdicts
     assert (verdict.model, verdict.passed) == ("joint, pair", True)
-    with pytest.raises(DeckError, match=r"it judges the joint fit, but the campaign has no \[joint\] table"):
+    with pytest.raises(DeckError, match=r"this verdict is about the joint fit, but the campaign has no \[joint\]"):
         td.run_stages(with_text(project, ("[joint]\n", "")))
 
 

@@ -168,7 +168,7 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     plan = td.design.plan_retune(campaign, "y", path)
     assert plan.watts == (2.1, 6.0)
     text = str(plan)
-    assert "Six has the 6 W and all other values of its deck; its own test is due" in text
+    assert "Six has the 6 W and all other values of its deck; its own test must be repeated" in text
     of_twin = campaign["unit"].fitted_model
     foot = f"{2000 * of_twin.at(FOOT).expression.literal.value:.4g}"
     assert f"foot_y.contact_conductance is that of foot_x, {foot} [W/(m^2 K)] within 25 %" in text

@@ -105,7 +105,7 @@ def test_a_record_is_not_opened_for_values_that_are_not_credible(tmp_path: Path)
         made = run_stages(path, cache=results, accept=accept)
         (verdict,) = made.verdicts
         assert (verdict.passed, verdict.prediction, verdict.checks) == (None, None, ())
-        assert str(verdict).startswith("whole on whole_two: NOT JUDGED; the record stays unopened. NOT CREDIBLE")
+        assert str(verdict).startswith("whole on whole_two: NOT JUDGED; the record was not read. NOT CREDIBLE")
         assert (results / "looks.json").read_bytes() == looks
         assert made.exit_code == (0 if accept else 1)
         assert made.standing.accepted == bool(accept)

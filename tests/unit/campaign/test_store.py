@@ -104,7 +104,7 @@ def test_what_was_tuned_by_hand_may_be_a_prior(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ("", "gives no value"),
+        ("", "holds no value. Write rows"),
         ('"g.conductanc" = "0.2 [W/K]"\n', "no parameter 'g.conductanc'. Did you mean 'g.conductance'"),
         ('"g.conductance" = "0.2 [kg]"\n', "kg"),
         ('"g.conductance" = { sd = "1 [W/K]" }\n', "needs a text with a unit, { value, sd } or { low, high }"),
@@ -175,7 +175,7 @@ def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_
     again = replace(component, states={G: replace(component.states[G], value=0.4, origin=ValueOrigin("fit", "other"))})
     both, remarks = graft(whole, [("s", pair), ("s.p", again)])
     assert both[f"s.p.{G}"].origin.stage == "component"
-    assert remarks == (f"'s.p.{G}': stage 'component' wins over stage 'other', which is further from the root.",)
+    assert remarks == (f"'s.p.{G}': the value of stage 'component' is used, not that of stage 'other', which is deeper in the model.",)
     with pytest.raises(
         DeckError, match=r"stage 'component' and stage 'other' both give 's\.p\.g\.conductance', and neither knew of the other"
     ):
@@ -294,4 +294,4 @@ def test_a_values_file_on_the_command_line(tmp_path: Path) -> None:
     without, kept = end("--values", str(tmp_path / "v.toml")), end("--values", str(tmp_path / "v.toml"), "--keep-values")
     assert kept[0] == laid[0] != without[0]
     assert f"s.p.{G} = " in without[1]
-    assert "is left out: the deck says 0.31 [W/K], it was 0.30 [W/K] when this was found. --keep-values keeps it." in without[1]
+    assert "is left out: the deck has 0.31 [W/K], but had 0.30 [W/K] when this value was fitted. --keep-values keeps it." in without[1]

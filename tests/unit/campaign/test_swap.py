@@ -193,7 +193,7 @@ def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) 
     plan = td.design.plan_retune(old, "a", box(NEW))
     assert {s.name: s.action for s in plan.stages} == {"box": "kept", "box at a": "run", "cool": "kept", "pair": "carried"}
     made = plan.run(tests_again)
-    assert any(w.startswith("carried over a swap") for w in made["pair"].warnings)
+    assert any(w.startswith("kept after a swap: the model") for w in made["pair"].warnings)
     model = made["pair"].fitted_model
     assert model.at(JOINT).expression.literal.value == old["pair"][JOINT].value
     assert model.at(f"b.{HTC}").expression.literal.value == old["box"][HTC].value
@@ -233,7 +233,7 @@ def test_on_the_command_line(project: Path, tests_again: Path, tmp_path: Path) -
 
 
 def test_logs_from_before_the_swap_are_not_those_of_the_repeated_tests(plan: RetunePlan, tmp_path: Path) -> None:
-    with pytest.raises(td.ThermidError, match=r"of the repeated tests has no log of .*those beside the campaign are from before the swap"):
+    with pytest.raises(td.ThermidError, match=r"of the repeated tests has no log of .*logs beside the campaign are from before the swap"):
         plan.run(tmp_path)
 
 

@@ -28,4 +28,4 @@ def test_a_stage_with_noise_on_a_node(call: Call, tmp_path: Path) -> None:
 def test_a_noise_that_names_nothing(call: Call, tmp_path: Path) -> None:
     said = call("estimate", make_project(tmp_path), "--noise", "cass=free")
     assert said.code == 4
-    assert "is no node, load or boundary" in said.err
+    assert "is not a node, load or boundary." in said.err

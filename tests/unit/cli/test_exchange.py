@@ -61,7 +61,7 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
     said = call("import", script, "--to", deck)
     assert said.code == 2
     assert said.err.startswith(
-        f"error: {deck}: a file is there already that thermid did not write as deck Acc, or that was changed since. Give another name"
+        f"error: {deck}: this file exists already. It was not written by thermid as deck Acc, or was changed since. Give another name"
     )
     assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
 
@@ -96,7 +96,7 @@ def test_a_model_goes_to_c(call: Call, accelerometer: Path, tmp_path: Path) -> N
     found = c99(tmp_path / "acc.h", np.array([18000.0]))
     assert found[0, 0] - 297.15 == pytest.approx(2 * 8.917191, abs=2e-3)
     page = (Path(__file__).parents[3] / "docs/exchange.md").read_text(encoding="utf-8")
-    (tmp_path / "main.c").write_text(page.partition("```c\n")[2].partition("```")[0], encoding="ascii")
+    (tmp_path / "main.c").write_text(page.partition("```c file main.c\n")[2].partition("```")[0], encoding="ascii")
     subprocess.run(["gcc", *STRICT, "main.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
     shown = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True).stdout
     assert 273.15 + 24.0 < float(shown) < 273.15 + 60.0
@@ -147,7 +147,8 @@ def test_coefficients_are_compared(call: Call) -> None:
     [
         (
             ("export", "DECK", "--as", "spyce"),
-            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? There are octave, c, spice, sinda, esatan, fmu.",
+            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? "
+            "There are octave, c, modelica, spice, sinda, esatan, fmu.",
         ),
         (
             ("export", "DECK", "--as", "spice", "--step", "5 [s]"),
@@ -160,7 +161,7 @@ def test_coefficients_are_compared(call: Call) -> None:
         (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
         (
             ("htc", "--power", "2", "--area", "0.1", "--surface", "20", "--ambient", "24", "--height", "0.1"),
-            "error: compare_htc: 2 W and a surface -4 K from its ambient make no coefficient",
+            "error: compare_htc: 2 W and a surface -4 K from its ambient are inconsistent: heat",
         ),
         (
             ("htc", "--power", "2", "--area", "0.1", "--surface", "30", "--ambient", "24", "--height", "0.1", "--part", "coil=20"),

@@ -26,8 +26,8 @@ def lagging(campaign: Path) -> Path:
 def test_noise_needs_no_element(campaign: Path, call: Call) -> None:
     said = call("criticise", campaign, "--stage", "box")
     assert said.code == 0
-    assert said.out.startswith("box: 1 of 1 traces leave nothing but noise")
-    assert "elements tried" not in said.out
+    assert said.out.startswith("box: 1 of 1 traces have white residuals")
+    assert "candidates, each refitted" not in said.out
     found = call("criticise", campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
 
@@ -35,7 +35,7 @@ def test_noise_needs_no_element(campaign: Path, call: Call) -> None:
 def test_a_missing_element_is_named_in_text_and_as_an_object(lagging: Path, call: Call) -> None:
     said = call("criticise", lagging, "--stage", "box")
     assert "T_A in box_bench: RMSE" in said.out
-    assert "elements tried, each by itself in a refit:" in said.out
+    assert "  candidates, each refitted alone:" in said.out
     found = call("criticise", lagging, "--stage", "box", "--json").object["stages"]["box"]
     best = max((c for c in found["candidates"] if c["tried"]), key=lambda c: c["evidence"])
     assert best["evidence"] > 10.0
@@ -63,7 +63,7 @@ def test_a_weight_that_cannot_be_is_not_physical(campaign: Path, call: Call) -> 
     assert said.code == 1
     mass = next(f for f in said.object["stages"]["box"]["findings"] if f["path"].endswith("mass"))
     assert mass["verdict"] == "not physical"
-    assert "mass moves along" in mass["meaning"]
+    assert "or a second mass follows it" in mass["meaning"]
     assert call("plausibility", campaign, "--weight", "case").code == 2
 
 
@@ -80,7 +80,7 @@ def test_look_shows_the_clocks_of_one_test(tmp_path: Path, call: Call) -> None:
     said = call("look", *(tmp_path / n for n in ("bench.txt", "supply.csv", "plain.csv")))
     assert "3 clocks of one test" in said.out
     assert "supply.csv begins 12 s after bench.txt" in said.out
-    assert "plain.csv or bench.txt has no stamps: give the offset" in said.out
+    assert "plain.csv or bench.txt has no time stamps: give the offset" in said.out
     assert 'joined   = [{ record = "supply", offset = "12 [s]" }, { record = "plain", offset = "0 [s]" }]' in said.out
     clocks = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--json").object["clocks"]
     assert clocks == [{"file": "supply.csv", "record": "supply", "offset": 12.0}]

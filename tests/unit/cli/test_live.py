@@ -141,7 +141,7 @@ def test_a_fault_is_a_word_and_no_temperature(warm: Fed) -> None:
 def test_a_rule_that_readings_cannot_answer_is_refused(warm: Fed) -> None:
     with pytest.raises(RecordError, match="stored heat, which readings alone do not show"):
         Judge(warm.log, "stored 2 %")
-    with pytest.raises(RecordError, match="is no rule of stability"):
+    with pytest.raises(RecordError, match=r"is not a rule of stability\."):
         Judge(warm.log, "soon")
 
 

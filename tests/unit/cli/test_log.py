@@ -48,8 +48,8 @@ def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, t
         (("--interval", "1 [K]"), "--interval"),
         (("--bits", "13"), "bits = 13 lies outside 9 to 12"),
         (("--limit", "400 [degC]"), "limit = 400 lies outside"),
-        (("--sensors", "none.toml", "--simulate"), "there is no such sensor map"),
-        (("--programme", "none.toml", "--simulate"), "there is no such heater programme"),
+        (("--sensors", "none.toml", "--simulate"), "the sensor map is not possible."),
+        (("--programme", "none.toml", "--simulate"), "the heater programme is not possible."),
         (("--identify", "--simulate"), "--sensors sensors.toml"),
     ],
 )
@@ -69,7 +69,7 @@ def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeyp
     assert "no board found (ports: none)" in said.err
     named = call("log", tmp_path / "bench.log", "--port", tmp_path / "ttyUSB9")
     assert named.code == 2
-    assert "there is no such port" in named.err
+    assert "the port does not exist. Connect" in named.err
     assert not (tmp_path / "bench.log").exists()
 
 
@@ -89,11 +89,11 @@ def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Pa
     (tmp_path / "notes.txt").write_text("no port")
     said = call("log", tmp_path / "bench.log", "--port", tmp_path / "notes.txt")
     assert said.code == 2
-    assert "it is no serial port" in said.err
+    assert "it is not a serial port" in said.err
     assert not (tmp_path / "bench.log").exists()
     missing = call("log", tmp_path / "bench.log", "--port", "ttyX")
     assert missing.code == 2
-    assert "there is no such port" in missing.err
+    assert "the port does not exist. Connect" in missing.err
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
@@ -107,7 +107,7 @@ def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
         said = call("log", tmp_path / "bench.log", "--port", terminal.port)
         held.close()
     assert said.code == 2
-    assert "another program has it open" in said.err
+    assert "another program uses it. Close" in said.err
 
 
 def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: Path) -> None:

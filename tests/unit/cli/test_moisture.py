@@ -55,10 +55,10 @@ def test_an_option_wins_over_the_scenario(call: Call, deck: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--humidity", "air=1.2"], "would have a relative humidity of 1.2; give 0 to 1"),
+        (["--humidity", "air=1.2"], "has a relative humidity of 1.2. Give 0 to 1, or a text"),
         (["--humidity", "aire=0.5"], "no node 'aire'. Did you mean 'air'?"),
         (["--humidity", "air"], "must be written as PATH=VALUE"),
-        ([], "say whose humidity it is"),
+        ([], "give the humidity by gas:"),
     ],
 )
 def test_refusals(call: Call, deck: Path, options: list[str], message: str) -> None:

@@ -49,6 +49,7 @@ OUTPUTS = {
     "simulate --netcdf": ["simulate", "pair.toml", "--scenario", "pair_warm.toml", "--netcdf"],
     "export --as octave": ["export", "box.toml", "--scenario", "warm.toml", "--to"],
     "export --as c": ["export", "box.toml", "--scenario", "warm.toml", "--as", "c", "--to"],
+    "export --as modelica": ["export", "box.toml", "--scenario", "warm.toml", "--as", "modelica", "--to"],
     "export --as spice": ["export", "box.toml", "--scenario", "warm.toml", "--as", "spice", "--to"],
     "equations": ["equations", "box.toml", "--to"],
     "import": ["import", "tune.m", "--to"],
@@ -167,7 +168,7 @@ def test_what_a_command_reads_is_refused_even_if_thermid_wrote_it(call: Call, be
     before = own.read_bytes()
     said = call("profile", own, "--set", "cycles=2", "--save", own)
     assert said.code == 2
-    assert "this command reads it" in said.err
+    assert ". Give 0 to 1." in said.err
     assert own.read_bytes() == before
     assert call("profile", own, "--set", "cycles=2", "--save", own, "--force").code == 0
     assert own.read_bytes() != before

@@ -95,7 +95,7 @@ class TestJson:
         assert (said.code, said.err) == (2, "")
         assert list(said.object) == ["schema", "status", "message", "where"]
         assert (said.object["schema"], said.object["status"]) == (1, "error")
-        assert "effective: it contains radiation" in said.object["message"]
+        assert "is effective: it includes radiation," in said.object["message"]
         assert said.object["where"] == "accelerometer.toml:15, surfaces.skin"
 
     def test_vacuum_where_it_is_known(self, call: Call) -> None:
@@ -192,13 +192,13 @@ REFUSED = [
     (["--boundary", "case=24"], "case"),
     (["--boundary", "air=24 [W]"], "'[W]' is a power"),
     (["--boundary", "air=warm"], "'warm'"),
-    (["--start", "airr"], "'airr' is no temperature and no boundary. Did you mean 'air'?"),
+    (["--start", "airr"], "'airr' is neither a temperature nor a boundary. Did you mean 'air'?"),
     (["--at", "2 [h]"], "7200 s lies outside the run of 3600 s"),
     (["--at", "-1"], "-1 s lies outside the run of 3600 s"),
     (["--at", "noon"], "'noon' must be a number with a unit"),
     (["--at", "1 [K]"], "a time [s] is needed here"),
     (["--for", "0"], "a run needs a duration above zero"),
-    (["--for", "-1 [h]"], "a duration below zero"),
+    (["--for", "-1 [h]"], "the duration is below zero."),
     (["--for", "1 [kg]"], "a time [s] is needed here"),
     (["--every", "0 [s]"], "the interval of output must be above zero"),
     (["--vacuum", "--as-printed"], "give one of them"),
@@ -209,9 +209,9 @@ REFUSED = [
     (["--every", "1e-9 [s]"], "an interval of 1e-09 s would store 3.6e+12 samples, of at most 10,000,000"),
     (["--for", "inf [h]"], "a duration of inf s has no end"),
     (["--boundary", "air=-300"], "command line, boundaries.air: -300 degC lies below 0 K"),
-    (["--boundary", "air=22,5"], "numbers have a decimal point here, '22.5'"),
+    (["--boundary", "air=22,5"], "write numbers with a decimal point: '22.5'."),
     (["--boundary", "air=22 C"], "Write a number with its unit, '22 [degC]'"),
-    (["--boundary", "air=22 [Celsius]"], "'[Celsius]' is no unit that is known here. Write [degC]"),
+    (["--boundary", "air=22 [Celsius]"], "'[Celsius]' is not a known unit. Write [degC]"),
     (["--param", "area=0.005"], 'a plain number; an area [m^2] is needed here. Write its unit with it: "2.5 [m^2]"'),
     (["--bogus"], "No such option: --bogus"),
     (["--for"], "'--for' requires an argument"),
@@ -298,10 +298,10 @@ def test_version_and_short_help(call: Call) -> None:
     [
         (
             "duration = '2 [h]'\nboundaries = { air = '20 [degC]' }\n",
-            "this is a scenario, not a deck. It is laid over a deck with --scenario",
+            "this is a scenario, not a deck. Give the deck, and this file with --scenario.",
         ),
-        ("[limits.a]\n[[tests]]\n", "this is a qualification plan, not a deck. `thermid plan` reads it"),
-        ("needs = [air]\n", "other.toml: this is no TOML: Invalid value (at line 1, column 10). Texts stand in quotes"),
+        ("[limits.a]\n[[tests]]\n", "this is a qualification plan, not a deck. Run `thermid plan` on it."),
+        ("needs = [air]\n", "other.toml: this is not valid TOML: Invalid value"),
     ],
 )
 def test_another_file_than_a_deck(call: Call, tmp_path: Path, text: str, words: str) -> None:

@@ -25,7 +25,7 @@ class TestCommand:
     def test_replay_stops(self, call: Call, tmp_path: Path) -> None:
         said = call("watch", self.written(tmp_path), "--slowest", "30 [min]", "--within", "2.5 [K]", "--replay", "--every", "300")
         assert said.code == 0
-        assert "stop now: more waiting changes no verdict" in said.out
+        assert "stop now: waiting longer does not change the" in said.out
         assert "no model is given" in said.out
 
     def test_json_lines(self, call: Call, tmp_path: Path) -> None:
@@ -38,7 +38,7 @@ class TestCommand:
         ("more", "word"),
         [
             (("--every", "0"), "above zero"),
-            (("--rule", "soon"), "is no rule of stability"),
+            (("--rule", "soon"), "is not a rule of stability."),
             (("--limit", "U=40"), "'U'"),
             (("--channel", "Q"), "Q"),
         ],

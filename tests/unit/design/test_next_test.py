@@ -151,7 +151,7 @@ def test_what_else_a_prediction_has_is_said(fit: td.Calibration) -> None:
     parts = td.predict(fit, hot)["case"].parts
     advice = td.design.next_test(fit, td.design.Aim(hot, "case"), scenario=BENCH)
     assert advice.beside["constant coefficients"] == pytest.approx(np.sqrt(parts["constant coefficients"][-1]), rel=1e-6)
-    assert str(advice).splitlines()[-1].startswith("  Not in these figures: constant coefficients +- ")
+    assert str(advice).splitlines()[-1].startswith("  Not included in these figures: constant coefficients +- ")
 
 
 def test_every_part_that_shares_a_value_counts() -> None:
@@ -206,14 +206,14 @@ def test_a_model_with_priors() -> None:
 
 
 def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
-    with pytest.raises(IdentificationError, match=r"there is nothing to choose from"):
-        td.design.next_test(fit, HTC)
-    with pytest.raises(IdentificationError, match=r"a model alone says nothing of what it does not know: give priors"):
-        td.design.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
-    with pytest.raises(IdentificationError, match=r"no sensor is given, so a test would say nothing"):
-        td.design.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
-    with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not among what is looked for\. Did you mean 'case\.mass'"):
-        td.design.next_test(fit, "case.mas", scenario=BENCH)
+    with pytest.raises(IdentificationError, match=r"no test is given to choose from\."):
+        td.next_test(fit, HTC)
+    with pytest.raises(IdentificationError, match=r"a model alone has no uncertainties\. Give priors, or a fit\."):
+        td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
+    with pytest.raises(IdentificationError, match=r"no sensor is given, so a test would give no information\."):
+        td.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
+    with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not one of the free parameters\. Did you mean 'case\.mass'"):
+        td.next_test(fit, "case.mas", scenario=BENCH)
 
 
 def test_a_test_of_ones_own(fit: td.Calibration) -> None:
@@ -236,7 +236,7 @@ def test_the_same_test_again_is_at_most_sqrt_two_times_better_where_residuals_wa
     option = next(o for o in again.options if o.name == "the same test again")
     # a little more than sqrt 2, since the planned test starts from a temperature that is given
     assert 1.25 < again.now / option.error < 1.5
-    assert "are taken to wander as their residuals did" in str(again)
+    assert "are assumed to be autocorrelated like the residuals" in str(again)
 
 
 def test_the_sensors_of_every_record_count() -> None:

@@ -46,8 +46,8 @@ def test_output_error_is_told_beside_it(found: Estimation) -> None:
     assert found.p_value < 1e-9
     assert found.output.found["reading noise of indoor"].value > 3 * TRUTH.sigma_v
     text = str(found)
-    assert text.startswith(f"house: {found.chosen.name}: foresees left-out readings over 12 h to ")
-    for word in ("process noise: open loop", "output error: open loop", "one-step log-likelihood", "not what the choice rests on"):
+    assert text.startswith(f"house: {found.chosen.name}: predicts left-out readings over 12 h to ")
+    for word in ("process noise: open loop", "output error: open loop", "one-step log-likelihood", "; the choice does not use it"):
         assert word in text
 
 
@@ -99,7 +99,7 @@ def test_a_value_that_hangs_on_the_noise_is_named(found: Estimation) -> None:
     for name in VALUES:
         apart = abs(np.log(found.process.found[name].value / found.output.found[name].value)) * found.process.found[name].value
         assert (name in found.moved) == bool(apart > 2.0 * errors[name])
-    assert bool(found.moved) == ("as the process noise goes to zero" in str(found))
+    assert bool(found.moved) == ("by more than two standard errors when" in str(found))
 
 
 def test_unlogged_ambient_as_a_random_walk() -> None:
@@ -141,14 +141,14 @@ def small() -> tuple[td.Model, Record]:
 @pytest.mark.parametrize(
     ("noise", "message"),
     [
-        ({}, "there is no process noise"),
+        ({}, "no process noise is given."),
         ({"cass": "free"}, "Did you mean 'case'"),
         ({"case": {"sigma": "1 [K]"}}, "a process noise has kind, size, time, start, not sigma"),
-        ({"case": {"kind": "pink"}}, "there is no process noise 'pink'"),
-        ({"case": {"kind": "wiener", "time": "1 [h]"}}, "never forgets"),
+        ({"case": {"kind": "pink"}}, "unknown process noise 'pink'."),
+        ({"case": {"kind": "wiener", "time": "1 [h]"}}, "noise has no correlation time."),
         ({"case": "1 [W]"}, r"\[W\]"),
         ({"case": "-1e-3 [K/s^0.5]"}, "must be above zero"),
-        ({"case": {"size": "1e-3 [K/s^0.5]", "start": "1e-3 [K/s^0.5]"}}, "a size that is held has no start"),
+        ({"case": {"size": "1e-3 [K/s^0.5]", "start": "1e-3 [K/s^0.5]"}}, "a fixed size has no start value."),
     ],
 )
 def test_what_is_refused(noise: dict[str, Any], message: str) -> None:

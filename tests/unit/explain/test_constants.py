@@ -108,7 +108,7 @@ class TestEvidence:
     @pytest.mark.parametrize(("behind", "named"), [(5.7, True), (6.3, False)])
     def test_rivals(self, behind: float, named: bool) -> None:
         both = (self.candidate(30.0), self.candidate(30.0 - behind, "a mass"))
-        assert ("do not tell it from a mass" in str(Criticism("f", (), both))) is named
+        assert ("cannot separate it from a mass" in str(Criticism("f", (), both))) is named
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

@@ -53,8 +53,8 @@ def asked(factor: float = 1.0, exchanged: bool = False, extra: float = 0.0, free
     ("request_", "kind", "words"),
     [
         (asked(exchanged=True), "exchanged", "'T0' and 'T1' are exchanged"),
-        (asked(1000.0), "unit", "'P' is in mW and was read in W"),
-        (asked(0.001), "unit", "'P' is in kW and was read in W"),
+        (asked(1000.0), "unit", "'P' is in mW but was read in W"),
+        (asked(0.001), "unit", "'P' is in kW but was read in W"),
     ],
 )
 def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: str, words: str) -> None:
@@ -148,7 +148,7 @@ def test_criticism_proposes_the_start_up_transient(tmp_path: Path) -> None:
     fit = td.run_stages(gyro(tmp_path, "step"))["gyro"]
     found = td.explain.criticise(fit)
     assert found.suggested is not None
-    assert found.suggested.name.startswith("a start-up transient of the power at 'case'; keep it by [stages.courses.start_up]")
+    assert found.suggested.name.startswith("a start-up transient of the power at 'case'; to include it write")
     assert "W more for the first 1" in found.suggested.found
     assert found.suggested.fit is not None
     assert found.suggested.fit["case.mass"].value == pytest.approx(0.743, rel=0.05)
@@ -165,5 +165,5 @@ def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_pat
 
 
 def test_a_course_may_not_have_the_name_of_a_load(tmp_path: Path) -> None:
-    with pytest.raises(td.ThermidError, match="'heat' is a load of the deck; a course adds to it under a name of its own"):
+    with pytest.raises(td.ThermidError, match=r"'heat' is a load of the deck\. Give the course another name; it adds to the"):
         td.run_stages(gyro(tmp_path, "step", COURSE.replace("start_up", "heat")))

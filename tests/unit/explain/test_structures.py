@@ -55,7 +55,7 @@ def test_what_was_planted_is_proposed(truth: dict[str, Any], node: str, words: s
 def test_nothing_is_proposed_where_nothing_is_missing() -> None:
     found = search_structure(asked(box(BARE)))
     assert found.proposed is found.start
-    assert "No change of structure is supported" in str(found)
+    assert "No change of the structure is supported" in str(found)
     assert found.orders[0] == 1
 
 

@@ -44,7 +44,7 @@ def test_a_sensor_that_is_grossly_wrong_fails_the_campaign(tmp_path: Path) -> No
     lines = told.stdout.splitlines()
     assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would have to be wrong by +1")
     head = next(line for line in lines if line.startswith("box: NOT CREDIBLE: T_A would have to be wrong by +1"))
-    assert "times its accuracy of 0.3 K. A column, a unit, a node or the accuracy is wrong, or the model is. Do not use" in head
+    assert "times its accuracy of 0.3 K. A column, a unit, a node, an accuracy or the model is wrong. Do not use these values." in head
     made = json.loads(CliRunner().invoke(app, ["calibrate", str(path), "--json"]).output)
     assert made["passed"] is False
     assert list(made["stages"][0]["contradicted"]) == ["sensor T_A"]
@@ -83,7 +83,7 @@ PLAIN = FittedValue("sensor T1", 3.1, 0.1, 0.0, False, "K", 0.0, (0.0, 0.0), kin
         ),
         (
             replace(PLAIN, path="skin.htc", kind="parameter", value=12.0, unit="W/(m^2 K)", prior=(6.0, 0.5)),
-            "skin.htc would have to be 12 W/(m^2 K), 12 deviations from its prior",
+            "skin.htc would have to be 12 W/(m^2 K), 12 standard standard standard standard deviations from its prior:",
         ),
     ],
 )

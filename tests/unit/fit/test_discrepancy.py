@@ -103,7 +103,7 @@ def test_at_the_conditions_of_the_fit_little_is_added(constant: Calibration) -> 
     far = predict(constant, FAR)["case"].final
     told = predict(constant, near)["case"].final
     assert told.error < 0.25 * far.error
-    assert "used near where they were found" in str(predict(constant, near))
+    assert "used near the conditions of the fit" in str(predict(constant, near))
     text = str(predict(constant, FAR))
     assert "used further off: skin (found at " in text
     assert "constant coefficients 9" in text
@@ -133,8 +133,8 @@ def test_radiation_that_nobody_has_stated_is_said_to_shift_too_far() -> None:
     assert abs(guessed["case"].final.celsius - end) > abs(plain - end)
     assert abs(told["case"].final.celsius - end) < 0.5 * abs(plain - end)
     (warning,) = guessed.warnings
-    assert "for radiation that nobody has stated: any emissivity from 0 to 0.95 is taken as equally likely" in warning
-    assert warning.endswith("Say the finish, or the emissivity, of skin.")
+    assert "K, others by less, because no emissivity is stated: any value from 0 to 0.95 is taken as equally" in warning
+    assert warning.endswith("Give the finish or the emissivity of skin.")
     assert told.warnings == ()
 
 
@@ -155,7 +155,7 @@ def test_what_a_model_could_not_follow_stays_in_its_predictions() -> None:
     assert discrepancy(found).misfit["case"] == pytest.approx(0.3 / np.sqrt(2), rel=0.5)
     assert told["case"].parts["misfit"][-1] == pytest.approx(discrepancy(found).misfit["case"] ** 2)
     assert told["air"].parts["misfit"][-1] == 0.0
-    assert "could not follow in the records" in told.causes["misfit"]
+    assert "residuals of the records that the" in told.causes["misfit"]
 
 
 def test_draws_hold_it_too(constant: Calibration) -> None:

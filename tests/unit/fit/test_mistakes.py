@@ -49,20 +49,20 @@ def said(record: td.Record, free: list[str]) -> str:
 
 def test_a_power_that_no_log_gives_is_named() -> None:
     told = said(log().select("T0", "T1"), ["*.conductance"])
-    assert "o log gives the power of 'heat': that of the deck was taken, from beginning to end." in told
+    assert "he power of 'heat' is that of the deck for the whole record, because no log column gives it." in told
 
 
 @pytest.mark.parametrize(("factor", "shown"), [(1000.0, "8000"), (0.001, "0.008")])
 def test_a_power_far_from_its_deck_is_asked_for_its_unit(factor: float, shown: str) -> None:
     told = said(log(factor), ["*.conductance"])
-    assert f"'P' gives 'heat' {shown} W, the deck has 8 W: is its unit right? A column in mW has unit = \"mW\" in its table" in told
+    assert f"'P' gives 'heat' {shown} W, the deck has 8 W: check its unit. For a column in mW give unit = \"mW\" in its table" in told
 
 
 def test_a_power_near_its_deck_is_not_asked_for() -> None:
     for factor in (1.0, 100.0, 0.01):
-        assert "is its unit right?" not in said(log(factor), ["*.conductance"])
+        assert "check its unit. For a column" not in said(log(factor), ["*.conductance"])
 
 
 def test_a_fit_that_breaks_off_asks_for_the_unit_too() -> None:
-    with pytest.raises(SolverError, match=r"runs away.*'P' gives 'heat' 8000000 W, the deck has 8 W: is its unit right\?"):
+    with pytest.raises(SolverError, match=r"\. If it falls below 0 K, a negative power is too large\."):
         td.calibrate(PAIR, log(1e6), ["*.conductance"], scenario=td.Scenario("bench", {"room": "22 [degC]"}), search="local")

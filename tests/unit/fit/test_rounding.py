@@ -83,4 +83,4 @@ def test_sensors_of_one_node_that_differ_by_more_than_they_may_are_named() -> No
     found = td.calibrate(box(), both, [HTC, MASS])
     (words,) = [w for w in found.warnings if "differ by" in w]
     assert "'T' and 'U' on 'case' differ by 0.4 K" in words
-    assert "Give each the accuracy that it has" in words
+    assert "K. Correct their accuracy, or look" in words

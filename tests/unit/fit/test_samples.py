@@ -57,7 +57,7 @@ def test_channels_say_what_their_samples_are(tmp_path: Path) -> None:
     assert read_record(path, {"ROOM": room, "T": {"node": "case"}})["ROOM"].samples == "average"
     for channels, why in (
         ({"ROOM": room | {"samples": "mean"}}, "neither 'instant' nor 'average'"),
-        ({"T": {"node": "case", "samples": "average"}}, "samples says what drives the model"),
+        ({"T": {"node": "case", "samples": "average"}}, "samples applies to inputs of the model"),
     ):
         with pytest.raises(RecordError, match=why):
             read_record(path, channels)

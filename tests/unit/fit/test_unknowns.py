@@ -164,7 +164,7 @@ class TestTies:
         assert "cut from its twins: b" in str(found)
         both = calibrate(pair(), data, ["a.case.mass"])
         assert both["a.case.mass"].also == ("b.case.mass",)
-        assert "a.case.mass: one value with b.case.mass" in str(both)
+        assert "a.case.mass: shares its value with b.case.mass" in str(both)
 
     def test_an_instance_with_a_value_of_its_own_is_left_alone(self) -> None:
         stack = model_from_dict({**_pair_deck(), "set": {"b.case.mass": "2 [kg]"}})
@@ -214,7 +214,7 @@ class TestLocal:
             (
                 {"air": {"start": "24 [degC]", "spread": "1 [K]"}},
                 IdentificationError,
-                r"local\.air: a local value has start and sd, not spread",
+                r"local\.air: give a local value start and sd, not spread",
             ),
             ({"air": {"sd": "1 [K]"}}, IdentificationError, r"local\.air: a local value needs a start"),
             (
@@ -227,7 +227,7 @@ class TestLocal:
             (
                 {"air": {"start": "TT"}},
                 IdentificationError,
-                r"local\.air: 'TT' is no temperature and no channel of bench\. Did you mean 'T'",
+                r"local\.air: 'TT' is neither a temperature nor a channel of bench\. Did you mean 'T'",
             ),
         ],
     )
@@ -291,7 +291,7 @@ class TestWeights:
     @pytest.mark.parametrize(
         ("weights", "words"),
         [
-            ({"TT": 1.0}, r"a weight is given for 'TT', which is no sensor here\. Did you mean 'T'"),
+            ({"TT": 1.0}, r"a weight is given for 'TT', which is not a sensor of this fit\. Did you mean 'T'"),
             ({"T": 0.0}, r"the weight of 'T' must be above zero"),
             ({"T": math.nan}, r"the weight of 'T' must be above zero"),
         ],

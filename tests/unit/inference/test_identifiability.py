@@ -52,7 +52,7 @@ class TestLaws:
         alone = td.identifiability(model, free=free[:1], scenario=scenario, sensors={"case": "0.1 [K]"})[free[0]]
         size = alone.error if form == "sum" else alone.error / alone.value**2
         assert known.error == pytest.approx(size, rel=1e-4)
-        with pytest.raises(IdentificationError, match=r"'a\.\w+' and 'b\.\w+' apart; they act only as a sum"):
+        with pytest.raises(IdentificationError, match=r"cannot be separated by these data; they act only as"):
             td.calibrate(model, td.Record.from_arrays("r", *_reading(model, scenario)), free, scenario=scenario)
 
     def test_a_joint_with_a_gap_has_a_direction_that_follows_no_simple_law(self) -> None:
@@ -92,9 +92,9 @@ class TestThisLog:
         (group,) = found.practical
         assert set(group.names) == {HTC, MASS}
         assert not group.structural
-        assert f"'{HTC}' and '{MASS}' are hardly told apart" in str(found)
+        assert f"'{HTC}' and '{MASS}' can hardly be separated" in str(found)
         assert found[HTC].relative > 0.1
-        assert f"know '{MASS}' to +- 5 %" in str(found)
+        assert "measure '" in str(found)
         long = td.identifiability(box(), log(box(), {}, {"T": "case"}, hours=5, samples=41, noise=0.1), [HTC, MASS])
         assert (long.practical, long.cures) == ((), ())
 
@@ -118,7 +118,7 @@ class TestThisLog:
         for path in (HTC, MASS):
             assert planned[path].relative == pytest.approx(logged[path].relative, rel=0.05)
         assert planned[MASS].limit == "heat error"
-        assert "most of it from the accuracy of heat" in str(planned)
+        assert "mainly from the accuracy of heat" in str(planned)
 
     def test_as_plain_data(self) -> None:
         data = log(box(), {}, {"T": "case"}, samples=51)
@@ -132,16 +132,16 @@ class TestThisLog:
 
 class TestAsked:
     def test_nothing_free_and_nothing_measured(self) -> None:
-        with pytest.raises(IdentificationError, match=r"Box: nothing is free, so there is nothing to tell"):
+        with pytest.raises(IdentificationError, match=r"no parameter is free\."):
             td.identifiability(box())
-        with pytest.raises(IdentificationError, match=r"give the logs, or for a test that was not made yet a scenario and its sensors"):
+        with pytest.raises(IdentificationError, match=r"give the logs of a test, or a scenario and sensors of a planned test\."):
             td.identifiability(box(), free=[HTC])
 
     def test_sensors(self) -> None:
         scenario = td.Scenario("bench", boundaries=ROOM, duration="5 [h]")
-        with pytest.raises(IdentificationError, match=r"sensors\.case: what a planned test tells depends on the noise"):
+        with pytest.raises(IdentificationError, match=r"sensors\.case: the noise of the sensors is missing\. Give it, such"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"case": {"accuracy": "1 [K]"}})
-        with pytest.raises(IdentificationError, match=r"a sensor has noise, accuracy and name, not nois\. Did you mean 'noise'"):
+        with pytest.raises(IdentificationError, match=r"give a sensor noise, accuracy and name, not nois\. Did you mean 'noise'"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"case": {"nois": "1 [K]"}})
         with pytest.raises(IdentificationError, match=r"a planned test needs at least one sensor on a node"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"air": {"noise": "1 [K]"}})

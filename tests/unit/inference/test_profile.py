@@ -34,7 +34,7 @@ def test_where_the_fit_is_nearly_linear_the_interval_is_the_standard_error(known
     for end, sign in ((found.low, -1), (found.high, 1)):
         assert np.log(end / value.value) == pytest.approx(sign * 1.96 * value.error / value.value, rel=0.03)
     assert f"{HTC} = 5.0" in str(found)
-    assert "95 % sure between 4.8" in str(found)
+    assert "95 % confidence interval from 4.8" in str(found)
 
 
 def test_at_its_ends_the_sum_of_squares_has_grown_by_the_quantile(known: td.Calibration) -> None:
@@ -103,14 +103,14 @@ class TestPictures:
             assert made.stat().st_size > 10_000
 
     def test_of_something_else(self, tmp_path: Path) -> None:
-        with pytest.raises(ThermidError, match=r"there is no picture of a str; there are pictures of Profile, Valley"):
-            td.reporting.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
+        with pytest.raises(ThermidError, match=r"Pictures exist of Profile, Valley, Criticism, Hold, ProfileRun\."):
+            td.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
 
 
 def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tmp_path: Path) -> None:
-    with pytest.raises(ThermidError, match="a level of 95 is no probability; give one between 0 and 1"):
-        td.inference.profile(known, HTC, level=95)
+    with pytest.raises(ThermidError, match=r"a level of 95 is not a probability\."):
+        td.profile(known, HTC, level=95)
     with pytest.raises(ThermidError, match="was given twice"):
-        td.inference.valley(known, HTC, HTC)
-    with pytest.raises(ThermidError, match=r"'x.bmp': a picture ends in .png, .svg, .pdf"):
-        td.reporting.picture(td.explain.criticise(known), tmp_path / "x.bmp")
+        td.valley(known, HTC, HTC)
+    with pytest.raises(ThermidError, match=r"'x\.bmp': the name of a picture must end in \.png, \.svg, \.pdf\."):
+        td.picture(td.criticise(known), tmp_path / "x.bmp")

@@ -241,7 +241,7 @@ CONTROLLED = plate(
             {},
             "the specific heat of 'plate' changes with temperature, which is not written to C",
         ),
-        (CONTROLLED, {}, "C knows no controls, and 'fan' is one that something follows"),
+        (CONTROLLED, {}, "C does not support controls, and 'fan' is in use."),
         (plate(), {"duration": 0.0}, "an export of a run needs a duration above zero"),
         (
             plate(),

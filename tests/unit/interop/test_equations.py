@@ -94,8 +94,8 @@ def test_one_node_is_eq_3() -> None:
     ("names", "message"),
     [
         ({"firts": "R_1"}, "no conductor, node or load 'firts' to name. Did you mean 'first'?"),
-        ({"first": "R 1"}, "'R 1' is no symbol: letters, digits and _, beginning with a letter."),
-        ({"first": "R_third"}, "the symbol 'R_third' would stand for two things. Name one of them otherwise."),
+        ({"first": "R 1"}, "'R 1' is not a valid symbol. Use letters, digits and _, beginning with a letter."),
+        ({"first": "R_third"}, "the symbol 'R_third' would have two meanings. Choose another name for one of them."),
     ],
 )
 def test_names_that_do_not_fit_are_refused(names: dict[str, str], message: str) -> None:
@@ -105,13 +105,13 @@ def test_names_that_do_not_fit_are_refused(names: dict[str, str], message: str) 
 
 
 def test_a_law_that_is_not_linear_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match=r"hot box: 'free' is not a linear, two-way law \(power\); equations in symbols need one"):
-        td.interop.equations(hot_box())
+    with pytest.raises(td.ThermidError, match=r"hot box: 'free' is not a linear, two-way law \(power\), so it has no symbolic equation\."):
+        td.equations(hot_box())
 
 
 def test_a_steady_state_that_nobody_reads_or_that_is_none_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match="m_Sd has 10 states; a steady state in symbols is readable up to 6"):
-        _ = td.interop.equations(td.load_model(DECKS / "m_Sd.toml")).steady
+    with pytest.raises(td.ThermidError, match="m_Sd has 10 states; a symbolic steady state is limited to 6"):
+        _ = td.equations(td.load_model(DECKS / "m_Sd.toml")).steady
     alone = {"title": "pair", "nodes": {"a": {"capacitance": "1 [J/K]"}, "b": {"capacitance": "1 [J/K]"}}}
     alone["conductors"] = {"ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "1 [W/K]"}}
     with pytest.raises(td.ThermidError, match="there is no steady state: a part has no path to a boundary"):

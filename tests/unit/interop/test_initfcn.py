@@ -60,7 +60,7 @@ def test_a_plain_factor_takes_no_part_in_the_units() -> None:
     """1.08 has no unit in its comment and scales what has one."""
     found = td.interop.read_initfcn("f = 1.08; a = 2; % area [m^2]\nb = f*a; % [m^2]")
     assert found.parameters["b"].text == "2.16 [m^2]"  # two values, one bracket: neither has a unit
-    assert [r.partition(";")[0] for r in found.remarks] == [
+    assert [r.partition(", so")[0] for r in found.remarks] == [
         "line 1: 'f' has no unit in its comment: 1 in brackets for 2 values of the line",
         "line 1: 'a' has no unit in its comment: 1 in brackets for 2 values of the line",
     ]
@@ -73,8 +73,11 @@ def test_several_values_take_the_brackets_of_their_line_in_order() -> None:
 def test_temperatures_are_not_added_to_by_their_units() -> None:
     found = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15;\nT0 = T;")
     assert {n: p.text for n, p in found.parameters.items()} == {"T": "24 [degC]", "TK": "297.15", "T0": "T"}
-    assert found.remarks == ("line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none; its 297.15 is taken as a plain number",)
-    kelvin = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
+    assert found.remarks == (
+        "line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none, so its 297.15 is taken as a plain number. Add the "
+        "unit to the comment",
+    )
+    kelvin = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
     assert kelvin.parameters["TK"].text == "297.15 [K]"
     assert kelvin.remarks == ()
 
@@ -85,36 +88,36 @@ def test_blocks_of_comments_and_printed_line_numbers_are_taken_off() -> None:
 
 
 def test_a_script_is_shown_with_its_remarks() -> None:
-    assert str(td.interop.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
-        "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment; taken as a plain number"
+    assert str(td.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
+        "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment, so its value is taken as a plain number. Add the unit"
     )
 
 
 @pytest.mark.parametrize(
     ("script", "message"),
     [
-        ("a = 1;\nb = sqrt(a);", "script:2: 'sqrt(a)': 'sqrt(' calls a function or takes an element; write the number instead."),
-        ("a = [1 2];", "script:1: '[1 2]': '[1 2]' is not understood. Read are single numbers"),
-        ("a = 'steel';", "is not understood"),
-        ("a = 3';", "is not understood"),
-        ("a = 2\\3;", "is not understood"),
-        ("a = 1j;", "is not understood"),
-        ("a = 1;\n\nclear all", "script:3: 'clear all' is not of the form 'name = expression'. An InitFcn is read as values only"),
+        ("a = 1;\nb = sqrt(a);", "script:2: 'sqrt(a)': 'sqrt(' calls a function or takes an element. Write the number instead."),
+        ("a = [1 2];", "script:1: '[1 2]': '[1 2]' cannot be read. Use single numbers, earlier"),
+        ("a = 'steel';", "cannot be read. Use single"),
+        ("a = 3';", "cannot be read. Use single"),
+        ("a = 2\\3;", "cannot be read. Use single"),
+        ("a = 1j;", "cannot be read. Use single"),
+        ("a = 1;\n\nclear all", "script:3: 'clear all' is not of the form 'name = expression'. An InitFcn may hold values only. Remove"),
         ("p.x = 3;", "script:1: 'p.x = 3' is not of the form"),
         ("a == 2", "is not of the form"),
         ("if 1, a = 2; end", "'if 1' is not of the form"),
-        ("a = 2^3^2;", "two powers in a row, which MATLAB takes from the left and a deck from the right"),
+        ("a = 2^3^2;", "two powers in a row, which MATLAB evaluates from the left and a deck from the right."),
         ("a = 2^-(3)^2;", "two powers in a row"),
-        ("b = a;\na = 1;", "script:1: 'b' needs 'a', and its line comes later, and a script is read from its top."),
-        ("b = c;", "'b' needs 'c', and no earlier line sets it. Only names, numbers, pi and Inf can stand there."),
-        ("a = 1;\na = 2;", "script:2: 'a' is set again; line 1 sets it first, and a parameter has one value."),
-        ("lambda = 3;", "'lambda' is a word that the expressions of a deck cannot hold as a name. Rename it in the script."),
-        ("pi = 3;", "'pi' is a word that"),
-        ("a = ;", "nothing stands behind the equals sign."),
+        ("b = a;\na = 1;", "script:1: 'b' needs 'a', and it is set in a later line."),
+        ("b = c;", "'b' needs 'c', and no earlier line sets it. Use only earlier names, numbers, pi and Inf."),
+        ("a = 1;\na = 2;", "script:2: 'a' is set again; line 1 sets it first, but a parameter has one value."),
+        ("lambda = 3;", "'lambda' is a reserved word of expressions in decks. Rename it in the script."),
+        ("pi = 3;", "'pi' is a reserved word of expressions in decks."),
+        ("a = ;", "the value after the equals sign is missing."),
         ("a = 1/0;", "script:1: '1/0' cannot be read: '1/0' has no finite value."),
         ("a = 0; b = 1/a;", "'1/a' has no finite value"),
         ("a = (1 + 2;", "cannot be read as arithmetic"),
-        ("a = 1 + ...", "script:1: the script ends in the middle of a statement: nothing follows its last '...'."),
+        ("a = 1 + ...", "script:1: the script ends within a statement: nothing follows its last '...'."),
         ("%{\na = 1;", "a block comment '%{' is not closed by '%}'."),
         ("% nothing\n\n", "script: the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'"),
     ],
@@ -148,10 +151,10 @@ def test_a_block_is_made_of_the_values_by_their_units() -> None:
 
 
 def test_a_block_that_is_open_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match=r"'m' and 'n' are both in \[kg\], so the block's mass is open"):
-        td.interop.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
-    with pytest.raises(td.ThermidError, match=r"nothing in the script is in \[W\], so the block has no power"):
-        td.interop.read_initfcn(BLOCK.replace("[W]", "")).block("box")
+    with pytest.raises(td.ThermidError, match=r"'m' and 'n' both have the unit \[kg\], so the block's mass is"):
+        td.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
+    with pytest.raises(td.ThermidError, match=r"no value of the script has the unit \[W\], so the block has no power\."):
+        td.read_initfcn(BLOCK.replace("[W]", "")).block("box")
 
 
 def test_the_parameters_go_through_a_deck(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def test_a_crossing_stands_where_the_closed_form_has_it() -> None:
     assert crossing.outside == pytest.approx(7200.0 - TAU * np.log(4.0), abs=0.05)
     assert crossing.worst == pytest.approx(kelvin(40.0 - 20.0 * np.exp(-7.2)), abs=1e-4)
     assert (crossing.worst_time, check.passed, check.room) == (7200.0, False, pytest.approx(-4.985, abs=1e-3))
-    assert "passes the upper limit at 1386 s" in str(check)
+    assert "exceeds the upper limit at 1386 s, furthest" in str(check)
 
 
 def test_within_limits_the_room_is_told() -> None:
@@ -94,7 +94,7 @@ def test_limits_from_memory_decide_nothing() -> None:
         ),
         ({"operating": (250.0, 350.0), "non_operating": (240.0, 340.0)}, "the upper operating limit, 76.9 degC, lies beyond"),
         ({"operating": (250.0, 330.0), "non_operating": (240.0, 340.0), "start_up": (230.0, 330.0)}, "the lower start-up limit"),
-        ({"operating": (250.0, 330.0), "mark": "heard"}, "'heard' is no mark"),
+        ({"operating": (250.0, 330.0), "mark": "heard"}, "'heard' is not a mark; use one of"),
     ],
 )
 def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], word: str) -> None:
@@ -107,9 +107,9 @@ def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], word: s
     ("tables", "word"),
     [
         ({}, "no limits are given"),
-        ({"box": 3}, "a reference point is a table"),
-        ({"box": {"node": "box"}}, "needs its node, and operating"),
-        ({"box": {"node": "box", "operating": "40 [degC]"}}, "a limit is a pair"),
+        ({"box": 3}, "limits.toml, box: a table is needed, not 3"),
+        ({"box": {"node": "box"}}, "limits.toml, box.operating: is missing"),
+        ({"box": {"node": "box", "operating": "40 [degC]"}}, "a list is needed, not '40 [degC]'"),
         ({"box": {"node": "box", "operting": []}}, "Did you mean 'operating'?"),
     ],
 )

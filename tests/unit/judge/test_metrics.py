@@ -146,9 +146,9 @@ def test_the_three_vocabularies_are_one() -> None:
 
 
 def test_a_metric_that_is_none_is_refused(study: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"there is no criterion 'swnig'\. Did you mean 'swing'"):
+    with pytest.raises(ScenarioError, match=r"unknown criterion 'swnig'\. Did you mean 'swing'"):
         Criteria(swnig="1 [K]")
     text = (study / "study.toml").read_text(encoding="utf-8").replace('"p95"', '"p59"')
     (study / "study.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"study\.toml:\d+, procedure\.metrics\.1: there is no metric 'p59'\. Did you mean 'p95'"):
-        td.design.load_study(study / "study.toml")
+    with pytest.raises(ScenarioError, match=r"study\.toml:\d+, procedure\.metrics\.1: unknown metric 'p59'\. Did you mean 'p95'\?"):
+        td.load_study(study / "study.toml")

@@ -83,7 +83,7 @@ def test_the_start_is_the_first_reading_less_the_held_error() -> None:
 def test_a_used_record_is_refused_however_it_was_cut(found: Calibration) -> None:
     used = run("a", 1)
     for cut in (used, replace(used, name="other"), used.trim(3600.0, 7200.0), used.resample("2 [min]"), used.mask("T", 0.0, 600.0)):
-        with pytest.raises(IdentificationError, match=r"was used by stage 'Box' as 'a'; a validation needs data that no fit has seen"):
+        with pytest.raises(IdentificationError, match=r"was used by stage 'Box' as 'a'\. A validation needs a hold-out record: use one"):
             validate(found, cut, WIDE)
 
 
@@ -108,7 +108,7 @@ def test_criteria_of_a_sensor_stand_in_place_of_the_common_ones(found: Calibrati
         ({}, IdentificationError, r"no criterion is given for 'T'\. A verdict needs at least one limit: rmse, max_error or mean_error"),
         ({"rms": "1 [K]"}, ScenarioError, r"here: there is no criterion 'rms'\. Did you mean 'rmse'"),
         ({"sensors": {"T": {"rms": "1 [K]"}}}, ScenarioError, r"here\.sensors\.T: there is no criterion 'rms'\. Did you mean 'rmse'"),
-        ({"sensors": {"T": "1 [K]"}}, ScenarioError, r"here\.sensors\.T: the criteria of a sensor are a table"),
+        ({"sensors": {"T": "1 [K]"}}, ScenarioError, r"here, sensors\.T: a table is needed, not '1 \[K\]'"),
         ({"rmse": "1 [K]", "sensors": {"TT": {"rmse": "1 [K]"}}}, IdentificationError, r"criteria are given for 'TT'.*Did you mean 'T'"),
         ({"rmse": 0.8}, UnitError, r"here\.rmse: this is a plain number; a temperature difference \[K\] is needed here"),
         ({"rmse": "0 [K]"}, ScenarioError, r"a limit must be above zero"),

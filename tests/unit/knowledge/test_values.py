@@ -102,7 +102,7 @@ def test_a_file_of_the_old_format_is_read_and_says_what_it_lacks(tmp_path: Path)
     assert back.provenance["misfit"] == {"case": 0.02}
     assert back.store is not None
     (left,) = back.store.left_out
-    assert left.what.startswith("the values file is of the old format (schema 1): values that stage 'box' inherited are not in it")
+    assert left.what.startswith("the values file has the old format")
     back.save(tmp_path / "new.toml")
     again = load_values(tmp_path / "new.toml")
     assert again.store == back.store
@@ -164,7 +164,7 @@ def test_a_damaged_file_is_refused_by_name(found: Calibration, tmp_path: Path, d
     found.save(tmp_path / "v.toml")
     text = (tmp_path / "v.toml").read_text(encoding="utf-8")
     (tmp_path / "v.toml").write_text(damage(text), encoding="utf-8")
-    with pytest.raises(DeckError, match=r"v\.toml: this is no values file of thermid"):
+    with pytest.raises(DeckError, match=r"v\.toml: this is not a values file of thermid"):
         load_values(tmp_path / "v.toml")
 
 

@@ -178,7 +178,7 @@ def day_or_month() -> Sample:
 @sample
 def unit_that_nobody_knows() -> Sample:
     text = "time,T1 (left)\n0,20\n1,21\n2,22\n"
-    words = r"'\[left\]' is no unit that is known"
+    words = r"'\[left\]' is not a known unit"
     return Sample(
         "left.csv", text.encode(), "text", (0, 1, 2), {"T1": (20 + ICE, 22 + ICE)}, refused=words, remedy={"units": {"T1": "degC"}}
     )

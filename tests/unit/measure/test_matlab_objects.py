@@ -82,7 +82,7 @@ def test_series_of_two_clocks_are_refused_by_name() -> None:
     def series(times: list[float]) -> dict[str, Any]:
         return {"TimeInfo": {"Time_": np.array(times)}, "Data_": np.arange(3.0)[:, None]}
 
-    with pytest.raises(RecordError, match="'u' and 'y' have times of their own"):
+    with pytest.raises(RecordError, match=r"'u' and 'y' have different times\."):
         binary._of_series({"u": series([0.0, 1.0, 2.0]), "y": series([0.0, 1.0, 3.0])}, "x.mat")
 
 

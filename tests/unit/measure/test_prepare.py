@@ -49,12 +49,12 @@ def test_trim_counts_masks_of_what_is_left():
 @pytest.mark.parametrize(
     ("action", "message"),
     [
-        (lambda r: r.trim(3, 2), "trim: its end lies before its start: 3 [s] to 2 [s]."),
-        (lambda r: r.trim(30, 40), "trim: no sample lies from 30 [s] to 40 [s]; record 'bench' runs from 0 [s] to 20 [s]."),
-        (lambda r: r.trim(3, 3), "trim: only 1 sample lies from 3 [s] to 3 [s]; two are needed."),
+        (lambda r: r.trim(3, 2), "trim: its end is before its start: 3 [s] to 2 [s]."),
+        (lambda r: r.trim(30, 40), "trim: there is no sample from 30 [s] to 40 [s]; record 'bench' runs from 0 [s] to 20 [s]."),
+        (lambda r: r.trim(3, 3), "trim: only 1 sample lies from 3 [s] to 3 [s]; at least two are needed."),
         (
             lambda r: r.trim("fin"),
-            "trim: 'fin' is no number. Write a number with its unit, such as '4 [s]'. 'start' and 'end' are known too.",
+            "trim: 'fin' is not a number. Write a number with its unit, such as '4 [s]'. 'start' and 'end' are allowed too.",
         ),
         (lambda r: r.median("0 [s]"), "median, window: 0 [s] is not above zero."),
         (lambda r: r.filter(-1), "filter, window: -1 [s] is not above zero."),
@@ -66,8 +66,14 @@ def test_trim_counts_masks_of_what_is_left():
         (lambda r: r.flag_spikes(0, 2), "spikes, threshold: 0 is not above zero."),
         (lambda r: r.flag_spikes("0 [K]", 2), "spikes, threshold: '0 [K]' is not above zero."),
         (lambda r: r.flag_spikes(3, 2, ["heater"]), "spikes: channel 'heater' is a power, not a temperature."),
-        (lambda r: r.filter("1 [s]"), "filter, window: 1 s is not above two steps of 0.5 s, so there is nothing to filter out."),
-        (lambda r: r.select("heater").median(2), "median: record 'bench' has no temperature channel to act on."),
+        (
+            lambda r: r.filter("1 [s]"),
+            "filter, window: 1 s is not above two steps of 0.5 s, so the filter would have no effect. Give a larger width.",
+        ),
+        (
+            lambda r: r.select("heater").median(2),
+            "median: record 'bench' has no temperature channel, so this step has nothing to act on. Leave it out.",
+        ),
         (lambda r: r.flag_faults(low="30 [degC]", high="20 [degC]"), "faults: low (30 [degC]) is not below high (20 [degC])."),
         (
             lambda r: r.mask("case", 0, 20, "bad"),
@@ -83,7 +89,7 @@ def test_trim_counts_masks_of_what_is_left():
         ),
         (
             lambda r: made([0, 1, 2.5, 3], case=[300.0] * 4).filter(3),
-            "filter: the times of record 'bench' are uneven (intervals from 0.5 to 1.5 s); this filter needs an even grid. "
+            "filter: the times of record 'bench' are uneven (intervals from 0.5 to 1.5 s), but this filter needs equal intervals. "
             "Resample first, for example to '1 [s]', or use median.",
         ),
     ],
@@ -98,7 +104,10 @@ def test_messages(action, message):
     [
         (lambda r: r.median("4 [K]"), "median, window: '[K]' is a temperature difference; a time [s] is needed here."),
         (lambda r: r.trim("4 [m]"), "trim: '[m]' is a length; a time [s] is needed here."),
-        (lambda r: r.flag_spikes("3 [degC]", 2), "'[degC]' is a temperature on the scale; a difference is needed here. Write it in [K]."),
+        (
+            lambda r: r.flag_spikes("3 [degC]", 2),
+            "'[degC]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",
+        ),
         (lambda r: r.flag_faults(low="3 [W]"), "faults, low: '[W]' is a power; a temperature [degC] or [K] is needed here."),
     ],
 )
@@ -189,7 +198,7 @@ def test_resample_holds_commands_and_joins_temperatures():
     assert record["heater"].values.tolist() == [2.0 if t < 5 else 0.0 for t in record.times]
     assert record.steps == ("resample: 41 samples to 29 at 0.7 s; powers and commands held, others linear",)
     coarse = ramp().resample(5)
-    assert coarse.steps[-1].endswith("no filter before it, so single samples were picked")
+    assert coarse.steps[-1].endswith("filter was applied before, so single samples were taken")
     assert not ramp().median(2).resample(5).steps[-1].endswith("picked")
 
 
@@ -326,9 +335,9 @@ def test_campaign_steps():
         ({"median": "4 [m]"}, "record 'bench', prepare[2], median, window: '[m]' is a length; a time [s] is needed here."),
         (
             {"median": 1, "trim": 2},
-            "record 'bench', prepare[2]: {'median': 1, 'trim': 2} is no step. Write one step in each table, such as {median = '4 [s]'}.",
+            "record 'bench', prepare[2]: {'median': 1, 'trim': 2} is not a step. Write one step in each table, such as {median = '4 [s]'}.",
         ),
-        ("median", "record 'bench', prepare[2]: 'median' is no step. Write one step in each table, such as {median = '4 [s]'}."),
+        ("median", "record 'bench', prepare[2]: 'median' is not a step. Write one step in each table, such as {median = '4 [s]'}."),
     ],
 )
 def test_campaign_step_messages(step, message):

@@ -153,7 +153,7 @@ def test_samples_of_one_stamp_become_one(log):
     assert kelvin(record, "T") == [293.15, 295.15, 297.65]
     assert np.round(record["U"].values, 9).tolist() == [0.1, 0.9, 0.2]
     assert record.origin.rows == 6
-    assert record.steps == ("3 of 6 rows repeat a stamp: temperatures are averaged, of powers and commands the last holds",)
+    assert record.steps == ("3 of 6 rows repeat a time stamp: temperatures are averaged, of powers and commands the last one is used",)
 
 
 @pytest.mark.parametrize("end", ["3,2", "3,22,", "3,22,5e-", "3"])
@@ -165,7 +165,7 @@ def test_a_cut_last_line(log, end):
         assert record["Q1"].flags == {"not a number": 1}
     else:
         assert record.times.tolist() == [0, 1, 2]
-        assert record.steps == ("line 5, the last one, is cut short and was dropped",)
+        assert record.steps == ("line 5, the last one, is incomplete and was dropped",)
 
 
 def test_gaps_are_in_the_summary(log):

@@ -9,8 +9,8 @@ from thermid.errors import MissingDataError, NameNotFoundError, RecordError, Uni
 from thermid.measure import read_record
 
 ANY = {"case": "T1"}
-TEXT = "is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','."
-BACK = "Sort the log, or read its parts as records of their own."
+TEXT = "is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','."
+BACK = "Sort the log, or read its parts as separate records."
 
 
 @pytest.mark.parametrize(
@@ -19,13 +19,14 @@ BACK = "Sort the log, or read its parts as records of their own."
         ("", "bench.csv: the file is empty."),
         (" \n\n", "bench.csv: the file is empty."),
         ("# a\n# b\n", "bench.csv: the file has only comments."),
-        ("time_s,T1\n", "bench.csv: there is a header and no samples below it."),
-        ("time_s,T1\n0,20\n", "bench.csv: the log has one sample; a record needs two times."),
-        ("0,20\n1,21\n", "bench.csv:1: the first line holds numbers; a header line with the names of the columns is needed above it."),
+        ("time_s,T1\n", "bench.csv: the file has a header but no samples below it. Export the log again, with its data."),
+        ("time_s,T1\n0,20\n", "bench.csv: the log has one sample; a record needs at least two times."),
+        ("0,20\n1,21\n", "bench.csv:1: the first line holds numbers. Add a header line with the names of the columns above it."),
         ("time_s T1\n0 20\n1 21\n", "bench.csv:1: no comma, semicolon or tab divides the header 'time_s T1'. Give separator='...'."),
         (
             "a;b,c\n0;1,5\n1;2,5\n",
-            "bench.csv: the separator is ambiguous: comma (2 columns) and semicolon (2 columns) both fit. Give separator=',' or the other.",
+            "bench.csv: the separator is ambiguous: comma (2 columns) and semicolon (2 columns) are both possible. Give "
+            "separator=',' or the other.",
         ),
         (
             "t;T1;T2\n0;1,5;20.5\n1;2,5;21\n",
@@ -33,11 +34,11 @@ BACK = "Sort the log, or read its parts as records of their own."
         ),
         (
             "t,T1,T2\n0,20,1\n1,21\n2,22,3\n3,23,4\n",
-            "bench.csv:3: 2 columns stand in this line, 3 in the header. Mend it, put '#' before it, or give the separator.",
+            "bench.csv:3: 2 cells in this line, 3 columns in the header. Correct the line, put '#' before it, or give the separator.",
         ),
         (
             "t,T1,T2\n0,20,1\n# x\n\n1,21,2,9\n2,22,3\n3,22,3\n",
-            "bench.csv:5: 4 columns stand in this line, 3 in the header. Mend it, put '#' before it, or give the separator.",
+            "bench.csv:5: 4 cells in this line, 3 columns in the header. Correct the line, put '#' before it, or give the separator.",
         ),
         (
             "t,T1\n0,20\n\n1,ERR\n2,22\n",
@@ -57,30 +58,33 @@ BACK = "Sort the log, or read its parts as records of their own."
         ),
         (
             "t,T1\n0,20\n2,21\n1,22\n3,23\n",
-            f"bench.csv:4, column 't': time runs back here, from 2 to 1. {BACK}",
+            f"bench.csv:4, column 't': time decreases here, from 2 to 1. {BACK}",
         ),
         (
             "time,T1\n10:00:00,20\n09:59:00,21\n",
-            f"bench.csv:3, column 'time': time runs back here, from 10:00:00 to 09:59:00. {BACK}",
+            f"bench.csv:3, column 'time': time decreases here, from 10:00:00 to 09:59:00. {BACK}",
         ),
-        ("t,T1\n0,20\n,21\n2,22\n", "bench.csv:3, column 't': this line has no time. Take it out, or mend the log."),
+        ("t,T1\n0,20\n,21\n2,22\n", "bench.csv:3, column 't': this line has no time. Remove it, or correct the log."),
         ("t,T1\n0,20\nx,21\n2,22\n", "bench.csv:3, column 't': 'x' is text; the lines above it have times in numbers."),
         ("t,T1\n0,20\ninf,21\n", "bench.csv:3, column 't': 'inf' is no time."),
-        ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples of one stamp; a record needs two times."),
+        ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples with one time stamp; a record needs at least two times."),
         (
             "time,T1\nday 24 10:00,20\nday 24 10:01,21\n",
-            "bench.csv:2, column 'time': 'day 24 10:00' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. "
+            "bench.csv:2, column 'time': 'day 24 10:00' is not a known time (seconds, an ISO 8601 stamp, or HH:MM:SS). "
             "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'.",
         ),
-        ("time,T1\n10:00:00,20\n10:61:00,21\n", "bench.csv:3, column 'time': '10:61:00' is no clock time HH:MM:SS, as the first line has."),
+        (
+            "time,T1\n10:00:00,20\n10:61:00,21\n",
+            "bench.csv:3, column 'time': '10:61:00' is not a clock time HH:MM:SS, the form of the first line.",
+        ),
         (
             "time,T1\n2024-01-01T00:00:00Z,20\n2024-01-01T00:00:01,21\n",
-            "bench.csv:3, column 'time': '2024-01-01T00:00:01' and the first stamp differ in that one has a time zone. "
-            "Write all with it, or none.",
+            "bench.csv:3, column 'time': '2024-01-01T00:00:01' and the first stamp differ: only one has a time zone. "
+            "Write all with a time zone, or none.",
         ),
-        ("time,t,T1\n0,0,20\n1,1,21\n", "bench.csv: time and t could each be the time column. Give time='...'."),
-        ('t,T1\n0,20\n1,"21\n2,22\n3,23\n', "bench.csv:3: a quotation mark is out of place (unexpected end of data). Mend the line."),
-        ("t,T1,T1\n0,1,2\n1,1,2\n", "bench.csv, channels.case: 2 columns are called 'T1'. Rename them."),
+        ("time,t,T1\n0,0,20\n1,1,21\n", "bench.csv: time and t could both be the time column. Give time='...' with the right one."),
+        ('t,T1\n0,20\n1,"21\n2,22\n3,23\n', "bench.csv:3: a quotation mark is misplaced (unexpected end of data). Correct the line."),
+        ("t,T1,T1\n0,1,2\n1,1,2\n", "bench.csv, channels.case: 2 columns have the name 'T1'. Rename all but one."),
     ],
 )
 def test_message(log, text, message):
@@ -94,7 +98,8 @@ def test_message(log, text, message):
         (
             "u,T1\n0,20\n1,21\n",
             {},
-            "bench.csv: no time column: none of u, T1 is called time, time_s, t, t_s, timestamp, datetime, seconds. Give time='...'.",
+            "bench.csv: no time column found: none of u, T1 has one of the names time, time_s, t, t_s, timestamp, datetime, seconds. "
+            "Give time='...' with the name of the column.",
         ),
         (
             "time_s,T1\n0,20\n1,21\n",
@@ -105,7 +110,7 @@ def test_message(log, text, message):
         (
             "t,T1\n0,20\n1,21\n",
             {"noise": {"cas": 0.1}},
-            "bench.csv: noise is given for 'cas', which is no channel; there are case. Did you mean 'case'?",
+            "bench.csv: noise is given for 'cas', which is not a channel. Channels: case. Did you mean 'case'?",
         ),
     ],
 )
@@ -118,10 +123,10 @@ def test_unknown_name_offers_the_nearest(log, text, arguments, message):
     ("arguments", "message"),
     [
         ({"clock": "%H:%M"}, "bench.csv:2, column 't': '0' does not have the form clock='%H:%M'"),
-        ({"separator": "ab"}, "bench.csv: separator 'ab' is not one character, such as ',' or ';' or '\\t'."),
+        ({"separator": "ab"}, "bench.csv: separator 'ab' is not a single character. Give ',' or ';' or '\\t'."),
         ({"decimal": "x"}, "bench.csv: decimal='x' is neither '.' nor ','."),
-        ({"decimal": ","}, "bench.csv:2, column 'T1': '20.5' is no number."),
-        ({"noise": {"case": "x"}}, "bench.csv, column 'T1', noise: 'x' is no number. Write a number with its unit, such as '4 [s]'."),
+        ({"decimal": ","}, "bench.csv:2, column 'T1': '20.5' is not a number. Write"),
+        ({"noise": {"case": "x"}}, "'x' is not a number."),
         ({"noise": {"case": 0}}, "channel 'case': its noise is 0; a finite number above zero is needed."),
         ({"accuracy": {"case": -1}}, "channel 'case': its accuracy is -1; a finite number not below zero is needed."),
         ({"noise": {"case": float("nan")}}, "bench.csv, column 'T1', noise: nan is not finite."),
@@ -136,8 +141,8 @@ def test_arguments(log, arguments, message):
 @pytest.mark.parametrize(
     ("channels", "message"),
     [
-        ({}, "bench.csv: no channel is asked for. Give channels={'node': 'column'}."),
-        ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table."),
+        ({}, "bench.csv: no channel is requested. Give channels={'node': 'column'}."),
+        ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table. Write 'column' or { column = 'column' }."),
         (
             {"T1": {"nod": "a"}},
             "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, full_scale, noise, "
@@ -145,26 +150,27 @@ def test_arguments(log, arguments, message):
             "mass, specific_heat, lead, certificate, range. "
             "Did you mean 'node'?",
         ),
-        ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary; a channel has one."),
+        ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary. Give a channel one role."),
         ({"T1": {"load": "a", "prompt": "yes"}}, "bench.csv, channels.T1: prompt = 'yes' is neither true nor false."),
         (
             {"T1": {"node": "a", "prompt": True}},
-            "bench.csv, channels.T1: prompt says that a power or command was logged whenever it changed; it needs a load or command.",
+            "bench.csv, channels.T1: prompt states that a power or command was logged at every change, so it applies to a load or "
+            "command only.",
         ),
-        ({"T1": {"node": ""}}, "bench.csv, channels.T1: node = '' is no text."),
+        ({"T1": {"node": ""}}, "bench.csv, channels.T1: node = '' is not a text."),
         (
             {"T1": {"node": "a", "gain": "b"}},
-            "bench.csv, channels.T1: a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.",
+            "bench.csv, channels.T1: a gain converts a command into a power, so it needs load = '...' or command = '...' too.",
         ),
         (
             {"T1": {"boundary": "a"}, "T2": {"boundary": "a"}},
             "record 'bench': channels 'T1' and 'T2' are both bound to boundary 'a'. "
-            "Bind one of them; several sensors of one node have the role 'node'.",
+            "Bind one of them. For several sensors on one node use the role 'node'.",
         ),
         (
             {"T1": {"load": "a", "unit": "W"}, "T2": {"command": "a"}},
             "record 'bench': channels 'T1' and 'T2' are both bound to load 'a'. "
-            "Bind one of them; several sensors of one node have the role 'node'.",
+            "Bind one of them. For several sensors on one node use the role 'node'.",
         ),
     ],
 )
@@ -174,7 +180,9 @@ def test_bindings(log, channels, message):
 
 
 def test_noise_given_twice(log):
-    with pytest.raises(RecordError, match=r"bench.csv, channels.T1: its noise is given twice. Give it in the table or beside it."):
+    with pytest.raises(
+        RecordError, match=r"bench.csv, channels.T1: its noise is given twice\. Give it either in the table or as an argument\."
+    ):
         read_record(log("t,T1\n0,20\n1,21\n"), {"T1": {"node": "a", "noise": "1 [K]"}}, noise={"T1": "1 [K]"})
 
 
@@ -189,12 +197,13 @@ def test_noise_given_twice(log):
             "bench.csv, column 'T1': '[degC]' is a temperature difference; a power [W] is needed here.",
         ),
         ("T1 [grad]", {"node": "a"}, {}, "bench.csv, column 'T1': '[grad]' is a plain number; a temperature [degC] or [K] is needed here."),
-        ("T1 [left]", {"node": "a"}, {}, "bench.csv, column 'T1': '[left]' is no unit that is known here."),
+        ("T1 [left]", {"node": "a"}, {}, "bench.csv, column 'T1': '[left]' is not a known unit."),
         (
             "T1",
             {"node": "a"},
             {"noise": {"T1": "0.3 [degC]"}},
-            "bench.csv, column 'T1', noise: '[degC]' is a temperature on the scale; a difference is needed here. Write it in [K].",
+            "bench.csv, column 'T1', noise: '[degC]' is a temperature in degC or degF; a temperature difference is needed here. "
+            "Write it in [K].",
         ),
         (
             "T1",
@@ -217,23 +226,21 @@ def test_units(log, header, channel, arguments, message):
 
 def test_unit_given_must_agree_with_the_header(log):
     path = log("t,T1 [K]\n0,20\n1,21\n")
-    with pytest.raises(RecordError, match=r"its header says \[K\] and its unit is given as 'degC'. Correct one of them."):
+    with pytest.raises(RecordError, match=r"its header has the unit \[K\], but its unit is given as 'degC'\. Correct one of them\."):
         read_record(path, {"T1": {"node": "a", "unit": "degC"}})
     named = log("t,T1 [left]\n0,20\n1,21\n")
     assert read_record(named, {"T1": {"node": "a"}}, units={"T1": "K"})["T1"].values.tolist() == [20, 21]
 
 
 def test_times_in_minutes_are_not_read_as_seconds(log):
-    with pytest.raises(RecordError, match=r"its name ends in 'min', and without a unit it would be read in seconds. Give units="):
+    with pytest.raises(RecordError, match=r"its name ends in 'min', but without a unit it is read in seconds\. Give units=\{'"):
         read_record(log("t_min,T1\n0,20\n1,21\n"), ANY, time="t_min")
     assert read_record(log("t_ms,T1\n0,20\n500,21\n"), ANY).times.tolist() == [0, 0.5]
 
 
 def test_missing_file(log):
     path = log("t,T1\n0,20\n1,21\n")
-    with pytest.raises(
-        MissingDataError, match=r"benhc.csv: there is no such file. Did you mean 'bench.csv'\? Check the path, or fetch the log first."
-    ):
+    with pytest.raises(MissingDataError, match=r"Did you mean 'bench\.csv'\? Check the path, or fetch the log first\."):
         read_record(path.with_name("benhc.csv"), ANY)
     with pytest.raises(MissingDataError, match="Its folder does not exist either"):
         read_record(path.parent / "x" / "bench.csv", ANY)
@@ -282,13 +289,13 @@ def test_times_that_look_like_days_of_a_spreadsheet(log):
 
 def test_commas_as_separator_and_as_decimal_sign(log):
     with pytest.raises(
-        RecordError, match=r"bench.csv:2: 4 columns stand in this line, 2 in the header. Commas seem to be the decimal sign too"
+        RecordError, match=r"bench\.csv:2: 4 cells in this line, 2 columns in the header\. Commas seem to be the decimal sign too\. Export"
     ):
         read_record(log("t,T1\n0,0,20,5\n1,0,21,5\n2,0,22,5\n"), {"T1": {"node": "a"}})
 
 
 def test_a_table_in_memory_is_no_log():
     with pytest.raises(
-        RecordError, match=r"a dict is no file; Record.from_arrays takes columns that are in memory, temperatures in kelvin"
+        RecordError, match=r"a dict is not a file\. For columns in memory use Record\.from_arrays, with temperatures in kelvin\."
     ):
         read_record({"T1": [20.0, 21.0]}, {"T1": {"node": "a"}})

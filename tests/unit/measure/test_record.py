@@ -73,12 +73,12 @@ def test_with_channels_and_select():
         (lambda: Record.from_arrays("r", [0], {"b": Channel.of("a", [1.0])}), "record 'r': its times have shape (1,)"),
         (
             lambda: Record.from_arrays("r", [0, 1], {"b": Channel.of("a", [1.0, 2])}),
-            "record 'r': channel 'a' stands under the name 'b'. Use one name.",
+            "record 'r': channel 'a' is stored under another name, 'b'. Use one name.",
         ),
-        (lambda: Channel.of("a", [[1.0]]), "channel 'a': values, valid and masks must be one-dimensional and of one length."),
+        (lambda: Channel.of("a", [[1.0]]), "channel 'a': values, valid and masks must be one-dimensional and of equal length."),
         (
             lambda: Channel("a", np.ones(2), np.ones(3, bool)),
-            "channel 'a': values, valid and masks must be one-dimensional and of one length.",
+            "channel 'a': values, valid and masks must be one-dimensional and of equal length.",
         ),
         (lambda: Channel("a", np.array([1.0, np.nan]), np.ones(2, bool)), "channel 'a': a valid sample is not finite. Mask it."),
         (

@@ -83,14 +83,14 @@ def test_a_block_is_not_changed_by_its_methods() -> None:
         (lambda: block(conductivity="10 [W/K]"), "conductivity"),
         (lambda: block(density=np.ones((2, 2, 2))), "one value per cell"),
         (lambda: block(link_factors=(np.ones(1), np.ones(1), np.ones(1))), "shape"),
-        (lambda: block().heated("h", "1 [W]"), "box or in cells"),
+        (lambda: block().heated("h", "1 [W]"), "give the place of a heater"),
         (lambda: block().heated("a b", "1 [W]", cells=np.s_[:, :, :]), "name"),
         (lambda: block().heated("h", "1 [W]", cells=np.s_[9:, :, :]), "no cell"),
         (lambda: block().exchanging("top", "air", htc="1 [W/(m^2 K)]"), "faces are"),
-        (lambda: block().exchanging("+x", "air"), "exchange by"),
+        (lambda: block().exchanging("+x", "air"), "give a coefficient above zero,"),
         (lambda: block().exchanging("+x", "air", emissivity=1.5), "emissivity"),
         (lambda: block().heated("h", {"times": ["0 [s]", "1 [s]"], "values": ["0 [W]", "1 [W]"]}, cells=np.s_[:, :, :]).model(), "in time"),
-        (lambda: block((100, 100, 3)).model(), "at most"),
+        (lambda: block((100, 100, 3)).model(), "a model of 30000 cells would be slow;"),
     ],
 )
 def test_what_is_no_block_is_refused(make: Any, words: str) -> None:

@@ -139,19 +139,19 @@ def test_members_and_large_networks_are_single_runs(method: str) -> None:
 def test_ranges_and_gas_at_rest_are_said() -> None:
     wide = td.simulate(gap(2000.0, tilt="0 [deg]", aspect="20", gap="60 [cm]"), LID.with_(duration="1 [h]"))
     assert any("goes up to a Rayleigh number of 1e+08" in w for w in wide.warnings)
-    assert any("tilt and aspect of the gap let it convect" in w for w in td.simulate(gap(), LID).warnings)
+    assert any("Give tilt and aspect of the gap to include it" in w for w in td.simulate(gap(), LID).warnings)
     assert not td.simulate(gap(tilt="0 [deg]", aspect="6"), LID).warnings
 
 
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"tilt": "0 [deg]"}, "has tilt"),
-        ({"aspect": "4"}, "has tilt"),
-        ({"tilt": "190 [deg]", "aspect": "4"}, "a tilt from 0 to 180"),
-        ({"tilt": "flat", "aspect": "4"}, "'flat' is no angle"),
-        ({"tilt": "0", "aspect": "0.2"}, "an aspect of 1 or more"),
-        ({"convection_factor": 1.1}, "belongs to a gap that convects"),
+        ({"tilt": "0 [deg]"}, "needs both tilt"),
+        ({"aspect": "4"}, "needs both tilt"),
+        ({"tilt": "190 [deg]", "aspect": "4"}, "the tilt of a gap must be"),
+        ({"tilt": "flat", "aspect": "4"}, "'flat' is not an angle. Write a number"),
+        ({"tilt": "0", "aspect": "0.2"}, "the tilt of a gap must be"),
+        ({"convection_factor": 1.1}, r"convection_factor applies to a gap that convects only\."),
     ],
 )
 def test_what_a_gap_cannot_be(more: dict[str, Any], message: str) -> None:

@@ -15,7 +15,7 @@ import thermid as td
             r"^x, surfaces\.s\.htc\.orientation: input should be 'vertical', 'up' or 'down'",
         ),
         ({"orientation": "up"}, r"^x, surfaces\.s\.htc\.length: is missing\.$"),
-        ({"length": "25 [mm]", "coefficient": "1 [W/(m^2 K)]"}, r"^x, surfaces\.s\.htc\.coefficient: 'coefficient' is no field here\.$"),
+        ({"length": "25 [mm]", "coefficient": "1 [W/(m^2 K)]"}, r"^x, surfaces\.s\.htc\.coefficient: 'coefficient' is not a field here\.$"),
         ({"coefficient": "1 [W/(m^2 K)]"}, r"^x, surfaces\.s\.htc\.exponent: is missing\.$"),
     ],
 )

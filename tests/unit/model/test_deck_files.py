@@ -47,39 +47,39 @@ def test_a_deck_with_a_part(decks: Decks) -> None:
     [
         (
             BOX.replace("capacitance", "capacitanse"),
-            "main.toml:6, nodes.case.capacitanse: 'capacitanse' is no field here. Did you mean 'capacitance'?",
+            "main.toml:6, nodes.case.capacitanse: 'capacitanse' is not a field here. Did you mean 'capacitance'?",
         ),
-        (BOX.replace("htc =", "hct ="), "main.toml:12, surfaces.skin.hct: 'hct' is no field here. Did you mean 'htc'?"),
-        (BOX.replace("[nodes]", "[nods]"), "main.toml:5, nods: 'nods' is no field here. Did you mean 'nodes'?"),
+        (BOX.replace("htc =", "hct ="), "main.toml:12, surfaces.skin.hct: 'hct' is not a field here. Did you mean 'htc'?"),
+        (BOX.replace("[nodes]", "[nods]"), "main.toml:5, nods: 'nods' is not a field here. Did you mean 'nodes'?"),
         (BOX.replace('title = "Box"\n', ""), "main.toml, title: is missing."),
         (BOX.replace('area = "0.05 [m^2]"\n', ""), "main.toml:8, surfaces.skin.area: is missing."),
         (
             BOX.replace('"5 [W/(m^2 K)]"', '{ value = "5 [W/(m^2 K)]", mn = 2 }'),
-            "main.toml:12, surfaces.skin.htc.mn: 'mn' is no field here. Did you mean 'min'?",
+            "main.toml:12, surfaces.skin.htc.mn: 'mn' is not a field here. Did you mean 'min'?",
         ),
         (
             BOX.replace('"5 [W/(m^2 K)]"', '{ coefficient = "5 [W/(m^2 K)]", exponnt = 0.25 }'),
-            "surfaces.skin.htc.exponnt: 'exponnt' is no field here. Did you mean 'exponent'?",
+            "surfaces.skin.htc.exponnt: 'exponnt' is not a field here. Did you mean 'exponent'?",
         ),
         (
             BOX.replace('"5 [W/(m^2 K)]"', "true"),
-            "main.toml:12, surfaces.skin.htc: a value is a text with its unit, '2.5 [W]', a number, or a table with value",
+            "main.toml:12, surfaces.skin.htc: give a text with a unit, '2.5",
         ),
-        (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: a value is a text with its unit"),
-        (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is no value."),
-        (BOX + 'colour = "red"\n', "main.toml:13, surfaces.skin.colour: 'colour' is no field here."),
+        (BOX.replace('"5 [W/(m^2 K)]"', "[1, 2]"), "main.toml:12, surfaces.skin.htc: give a text with a unit, '2.5 [W]', a"),
+        (BOX.replace('"5 [W/(m^2 K)]"', "nan"), "main.toml:12, surfaces.skin.htc: nan is not a value. Write a text"),
+        (BOX + 'colour = "red"\n', "main.toml:13, surfaces.skin.colour: 'colour' is not a field here."),
         ('box = "purple"\n' + BOX, "main.toml:1, box: input should be 'white', 'light grey', 'dark grey' or 'black'."),
         (
             BOX + '[conductors]\nc = { kind = "conducton", between = ["case", "air"] }\n',
-            "main.toml:14, conductors.c.kind: 'conducton' is none of conduction, contact",
+            "main.toml:14, conductors.c.kind: 'conducton' is not one of conduction, contact,",
         ),
         (
             BOX + '[conductors]\nc = { kind = "conduction", between = ["case"] }\n',
-            'main.toml:14, conductors.c.between: names two ends: between = ["a", "b"].',
+            'main.toml:14, conductors.c.between: needs two ends: between = ["a", "b"].',
         ),
         (
             BOX + '[loads]\nq = { into = "case", power = "1 [W]", periodic = { period = "9 [s]", dty = 1 } }\n',
-            "loads.q.periodic.dty: 'dty' is no field here. Did you mean 'duty'?",
+            "loads.q.periodic.dty: 'dty' is not a field here. Did you mean 'duty'?",
         ),
     ],
 )
@@ -122,7 +122,7 @@ def test_elements_point_at_their_line(decks: Decks) -> None:
 
 
 def test_duplicate_names(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"main\.toml: this is no TOML: .*line 8"):
+    with pytest.raises(DeckError, match=r"main\.toml: this is not valid TOML: Cannot"):
         decks(main=BOX.replace("[surfaces", 'case = { capacitance = "1 [J/K]" }\n[surfaces'))
     with pytest.raises(DeckError, match=r"main\.toml:8, surfaces\.skin: 'skin' is already the name of one of parameters"):
         decks(main=BOX + "[parameters]\nskin = 1\n")
@@ -147,7 +147,7 @@ def test_missing_part_with_the_nearest_name(decks: Decks) -> None:
 
 
 def test_not_toml(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"main\.toml: this is no TOML: .*line 2"):
+    with pytest.raises(DeckError, match=r"main\.toml: this is not valid TOML: Expected '='"):
         decks(main='title = "x"\nthis is prose\n')
 
 
@@ -166,7 +166,7 @@ def test_huge_file(tmp_path: Path) -> None:
     with (tmp_path / "x.toml").open("wb") as file:
         file.truncate(5_000_000)
     with pytest.raises(
-        DeckError, match=r"x\.toml: the file has 5\.0 MB; a deck is a text of a few kilobytes\. Put tables of data into a log\."
+        DeckError, match=r"x\.toml: the file has 5\.0 MB; a deck is a text file of a few kilobytes\. Move tables of data into a log\."
     ):
         load_model(tmp_path / "x.toml")
 
@@ -185,7 +185,8 @@ def test_a_part_outside_the_project(decks: Decks, tmp_path: Path, name: str) -> 
         decks(main=using(name))
     assert (
         str(caught.value)
-        == f"main.toml:4, submodels.part.use: '{name}' leaves the project (thermid.toml marks its root). Copy the file into the project."
+        == f"main.toml:4, submodels.part.use: '{name}' lies outside the project (thermid.toml marks its root). Copy the file into the "
+        "project."
     )
 
 
@@ -193,12 +194,12 @@ def test_a_symbolic_link_out_of_the_project(decks: Decks, tmp_path: Path) -> Non
     outside = tmp_path.parent / "outside.toml"
     outside.write_text(BOX, encoding="utf-8")
     os.symlink(outside, tmp_path / "link.toml")
-    with pytest.raises(DeckError, match=r"'link\.toml' leaves the project"):
+    with pytest.raises(DeckError, match=r"'link\.toml' lies outside the project"):
         decks(main=using("link.toml"))
 
 
 def test_a_name_with_a_null_byte(decks: Decks) -> None:
-    with pytest.raises(DeckError, match="is no file name"):
+    with pytest.raises(DeckError, match=r"is not a file name\."):
         decks(main=using("box\\u0000.toml"))
 
 
@@ -217,7 +218,7 @@ def test_other_roots(tmp_path: Path) -> None:
     (tmp_path / "project/thermid.toml").write_text("", encoding="utf-8")
     found = resolve_inside(tmp_path / "project", "../data/log.csv", "here", (tmp_path / "data",))
     assert found == (tmp_path / "data/log.csv").resolve()
-    with pytest.raises(DeckError, match=r"here: '\.\./data/log\.csv' leaves the project"):
+    with pytest.raises(DeckError, match=r"here: '\.\./data/log\.csv' lies outside the project"):
         resolve_inside(tmp_path / "project", "../data/log.csv", "here")
 
 
@@ -248,7 +249,9 @@ def test_a_deck_runs_no_code(decks: Decks, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_file_needs_a_deck_around_it() -> None:
-    with pytest.raises(DeckError, match=r"Main, submodels\.a\.use: a file can be used from a deck only; give a Model here\."):
+    with pytest.raises(
+        DeckError, match=r"Main, submodels\.a\.use: a file name works in a deck file only\. Here pass a Model: td\.load_model\(file\)\."
+    ):
         model_from_dict({"title": "Main", "submodels": {"a": {"use": "box.toml"}}})
 
 
@@ -273,7 +276,7 @@ def test_values_that_cannot_be_read_are_listed_with_the_other_faults(tmp_path: P
     assert [line.partition(":")[2].partition(",")[0] for line in lines] == ["5", "11", "12"]
     assert "quux" in lines[0]
     assert "minimum 9 [W/(m^2 K)] is above its maximum" in lines[1]
-    assert "'are' is no field here. Did you mean 'area'?" in lines[2]
+    assert "'are' is not a field here. Did you mean 'area'?" in lines[2]
     deck.write_text('title = "plate"\n[nodes.plate]\ncapacitance = "9 [quux]"\n')
     with pytest.raises(UnitError, match=r"plate\.toml:3, nodes\.plate\.capacitance: "):
         load_model(deck)

@@ -114,13 +114,13 @@ def self_share() -> float:
     ("change", "message"),
     [
         ({"view_factors": [[0.0, 0.9], [0.9, 0.0]]}, r"view factors of 'first' sum to 0.9, not to one"),
-        ({"view_factors": [[0.0, 1.0], [0.8, 0.2]]}, r"break reciprocity: area times factor is 0.02 m\^2 one way and 0.016 m\^2"),
+        ({"view_factors": [[0.0, 1.0], [0.8, 0.2]]}, r"violate reciprocity: area times factor is 0.02 m\^2 one way and 0.016 m\^2"),
         ({"view_factors": [[-0.1, 1.1], [1.1, -0.1]]}, r"the view factor from 'first' to 'first' is -0.1"),
-        ({"view_factors": [[0.0, 1.2], [1.2, 0.0]], "rest": "wall"}, r"sum to 1.2, not to one. No face can send more"),
+        ({"view_factors": [[0.0, 1.2], [1.2, 0.0]], "rest": "wall"}, r"sum to 1.2, not to one. The sum must not exceed one\."),
         ({"view_factors": [[0.0, 1.0]]}, r"2 faces need 2 rows of 2 view factors"),
-        ({"view_factors": None}, r"shape, view_factors or exchange_factors, one of them; given: none"),
+        ({"view_factors": None}, r"exactly one of places, shape, view_factors and exchange_factors; given: none"),
         ({"shape": "box"}, r"given: shape and view_factors"),
-        ({"dimensions": {"length": "1 [m]"}}, r"dimensions belong to a shape"),
+        ({"dimensions": {"length": "1 [m]"}}, r"dimensions are given, but no"),
         ({"faces": {"first": "a_skin", "second": "a_skin"}}, r"'a_skin' is a face of 'gap' already"),
         ({"faces": {"first": "a_skin", "second": "c_skin"}}, r"no surface 'c_skin'. Did you mean"),
     ],
@@ -138,7 +138,7 @@ def test_faults(change: dict[str, Any], message: str) -> None:
         ("facing plates", {"length": "1 [m]", "width": "1 [m]"}, "wall", r"'facing plates' needs distance"),
         ("facing plates", {"length": "1 [m]", "width": "1 [m]", "height": "1 [m]"}, "wall", r"no 'height' among its dimensions"),
         ("facing plates", {"length": "1 [m]", "width": "1 [m]", "distance": "0 [m]"}, "wall", r"above zero and finite"),
-        ("facing plates", {"length": "1 [m]", "width": "1 [m]", "distance": "1 [m]"}, None, r"do not close it. Name what the rest sees"),
+        ("facing plates", {"length": "1 [m]", "width": "1 [m]", "distance": "1 [m]"}, None, r"do not close it: their view factors sum to"),
         (
             "facing plates",
             {"length": "1 [m]", "width": "1 [m]", "distance": "1 [m]"},
@@ -156,11 +156,11 @@ def test_faults_of_shapes(shape: str, dimensions: dict[str, str], rest: str | No
 @pytest.mark.parametrize(
     ("surface", "message"),
     [
-        ({"effective_htc": "5 [W/(m^2 K)]"}, r"its effective_htc holds radiation already"),
+        ({"effective_htc": "5 [W/(m^2 K)]"}, r"its effective_htc includes radiation already"),
         ({"emissivity": None, "htc": "5 [W/(m^2 K)]"}, r"it has no emissivity"),
-        ({"radiates_to": "wall"}, r"radiates to 'wall' and in 'gap'"),
-        ({"emissivity": "0"}, r"an emissivity of 0 does not exist in an enclosure"),
-        ({"emissivity": "1.2"}, r"an emissivity of 1.2 does not exist"),
+        ({"radiates_to": "wall"}, "'a_skin' radiates to 'wall' and in the"),
+        ({"emissivity": "0"}, r"the emissivity of '"),
+        ({"emissivity": "1.2"}, r"the emissivity of 'a_skin' is 1\.2\."),
     ],
 )
 def test_faults_of_faces(surface: dict[str, str | None], message: str) -> None:

@@ -97,10 +97,10 @@ def test_a_deck_with_a_fan_is_saved_and_read_again(tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"curve": [["0 [m^3/h]", "50 [Pa]"], ["60 [m^3/h]", "55 [Pa]"]]}, "Leave its stall out"),
-        ({"curve": [["60 [m^3/h]", "50 [Pa]"], ["10 [m^3/h]", "15 [Pa]"]]}, "flows of a fan's curve increase"),
-        ({"passes": ["60 [m^3/h]", "50 [Pa]"]}, "one of them"),
-        ({"resistance": None}, "needs the resistance of its system"),
+        ({"curve": [["0 [m^3/h]", "50 [Pa]"], ["60 [m^3/h]", "55 [Pa]"]]}, "it does not. Leave the stall"),
+        ({"curve": [["60 [m^3/h]", "50 [Pa]"], ["10 [m^3/h]", "15 [Pa]"]]}, "the flows of a fan's curve must"),
+        ({"passes": ["60 [m^3/h]", "50 [Pa]"]}, "give either the resistance of the fan's"),
+        ({"resistance": None}, "give either the resistance of the fan's"),
     ],
 )
 def test_what_is_no_fan_is_refused(change: dict[str, Any], message: str) -> None:

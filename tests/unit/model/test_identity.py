@@ -76,7 +76,7 @@ def test_a_value_for_one_of_several_cuts_that_value_alone(part: Build) -> None:
     assert identities(model)[f"z.{MASS}"].why == "cut"
     assert shared(model, f"z.{HTC}") == {f"x.{HTC}", f"y.{HTC}", f"z.{HTC}"}
     said = [str(f) for f in model.check()]
-    assert any(f"'z.{MASS}' is cut from its twins" in line for line in said)
+    assert any(f"'z.{MASS}' is cut from the other instances of its deck" in line for line in said)
     assert any("'x', 'y' and 'z' share each of" in line and f"'{HTC}'" in line for line in said)
 
 
@@ -124,7 +124,7 @@ def test_a_cut_changes_no_number(part: Build) -> None:
     model = row(part())
     assert ParameterSet(model.cut("x", f"y.{MASS}")).evaluate({}) == ParameterSet(model).evaluate({})
     assert model.cut("x").identity() != model.identity()
-    with pytest.raises(NameNotFoundError, match=r"no submodel or parameter 'u' to be cut"):
+    with pytest.raises(NameNotFoundError, match=r"cut names 'u', which is not a submodel"):
         model.cut("u")
 
 

@@ -26,7 +26,7 @@ Build = Callable[..., Model]
         ({"loads/heat/power": "2*powr"}, "Box, loads.heat.power: no parameter 'powr'. Did you mean 'power'?"),
         ({"parameters/area": "2*skin.htc_"}, "Box, parameters.area: no parameter 'skin.htc_'. Did you mean 'skin.htc'?"),
         ({"set": {"skin.hct": "1 [W/(m^2 K)]"}}, "Box, set.skin.hct: no parameter 'skin.hct'. Did you mean 'skin.htc'?"),
-        ({"offers": ["cas"]}, "Box, offers: it offers 'cas', but has no such node or surface. Did you mean 'case'?"),
+        ({"offers": ["cas"]}, "Box, offers: offers names 'cas', but the model has no such node or surface. Did you mean 'case'?"),
         ({"aliases": {"Acc": "cse"}}, "Box, aliases.Acc: the alias 'Acc' stands for 'cse', which does not exist. Did you mean 'case'?"),
         (
             {"joints": {"j": {"between": ["skin", "skn"], "area": "1 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]"}}},
@@ -68,7 +68,7 @@ def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], message: s
 
 def test_need_not_bound(pair: Build) -> None:
     with pytest.raises(
-        DeckError, match=r"Pair, submodels\.a: port 'air' of 'a' is bound to nothing\. Give it a node: bind = \{ air = \"\.\.\.\" \}\."
+        DeckError, match=r"Pair, submodels\.a: port 'air' of 'a' is not bound\. Give it a node: bind = \{ air = \"\.\.\.\" \}\."
     ):
         flatten(pair({"submodels/a/bind": {}}))
 
@@ -89,25 +89,31 @@ def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"nodes/2x": {}}, "Box, nodes.2x: '2x' is no name: letters, digits and _ only, not starting with a digit."),
-        ({"nodes/b c": {}}, "'b c' is no name"),
-        ({"parameters/a.b": "1"}, "'a.b' is no name"),
-        ({"parameters/é": "1"}, "'é' is no name"),
-        ({"needs": ["air", "a b"]}, "Box, needs: 'a b' is no name"),
+        ({"nodes/2x": {}}, "Box, nodes.2x: '2x' is not a valid name: use letters, digits and _, and do not begin with a digit."),
+        ({"nodes/b c": {}}, "'b c' is not a valid name:"),
+        ({"parameters/a.b": "1"}, "'a.b' is not a valid name:"),
+        ({"parameters/é": "1"}, "'é' is not a valid name:"),
+        ({"needs": ["air", "a b"]}, "Box, needs: 'a b' is not a valid name:"),
         (
             {"parameters/lambda": "1"},
-            "Box, parameters.lambda: 'lambda' is a word that expressions cannot hold as a name. Choose another one.",
+            "Box, parameters.lambda: 'lambda' is a reserved word of expressions. Choose another name.",
         ),
-        ({"parameters/inf": "1"}, "'inf' is a word that expressions cannot hold"),
-        ({"parameters/case": "1"}, "Box, nodes.case: 'case' is already the name of one of parameters. A model has one namespace."),
+        ({"parameters/inf": "1"}, "'inf' is a reserved word of expressions. Choose"),
+        (
+            {"parameters/case": "1"},
+            "Box, nodes.case: 'case' is already the name of one of parameters. Names in a model must differ; choose another one.",
+        ),
         (
             {"loads/skin": {"into": "case", "power": "1 [W]"}},
-            "Box, loads.skin: 'skin' is already the name of one of surfaces. A model has one namespace.",
+            "Box, loads.skin: 'skin' is already the name of one of surfaces. Names in a model must differ; choose another one.",
         ),
-        ({"needs": ["air", "case"]}, "Box, needs: 'case' is already the name of one of nodes. A model has one namespace."),
-        ({"needs": ["air", "air"]}, "Box, needs: 'air' is already the name of a need. A model has one namespace."),
-        ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes; an alias would hide it."),
-        ({"aliases": {"x": "y.case", "y": "x"}}, "Box, aliases.x: the alias 'x' leads in a circle: x -> y -> x."),
+        (
+            {"needs": ["air", "case"]},
+            "Box, needs: 'case' is already the name of one of nodes. Names in a model must differ; choose another one.",
+        ),
+        ({"needs": ["air", "air"]}, "Box, needs: 'air' is already the name of a need. Names in a model must differ; choose another one."),
+        ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes. Choose another alias."),
+        ({"aliases": {"x": "y.case", "y": "x"}}, "Box, aliases.x: the alias 'x' refers to itself: x -> y -> x."),
     ],
 )
 def test_names_that_are_refused(part: Build, changes: dict[str, Any], message: str) -> None:
@@ -118,7 +124,7 @@ def test_names_that_are_refused(part: Build, changes: dict[str, Any], message: s
 
 @pytest.mark.parametrize("mid", ["room", "stack", "a.case", "a"])
 def test_mid_that_is_taken(pair: Build, mid: str) -> None:
-    with pytest.raises(DeckError, match=r"is already the name of|is no name"):
+    with pytest.raises(DeckError, match=r"is already the name of|is not a valid name"):
         pair({"joints/stack/mid": mid})
 
 

@@ -126,9 +126,12 @@ def test_places_of_a_deck_are_the_shape() -> None:
 @pytest.mark.parametrize(
     ("places", "message"),
     [
-        ({"low": PLACES["low"]}, "every face has a place"),
-        (PLACES | {"high": PLACES["high"] | {"radius": "1 [m]"}}, "a place has corner and sides"),
-        (PLACES | {"high": {"corner": [0, 0, "1 [m]"], "sides": [["1 [m]", 0, 0], ["2 [m]", 0, 0]]}}, "above zero"),
+        ({"low": PLACES["low"]}, "faces and places must have"),
+        (PLACES | {"high": PLACES["high"] | {"radius": "1 [m]"}}, "give a place as corner and sides;"),
+        (
+            PLACES | {"high": {"corner": [0, 0, "1 [m]"], "sides": [["1 [m]", 0, 0], ["2 [m]", 0, 0]]}},
+            "sides, radius, normal and axis of a place",
+        ),
         (PLACES | {"high": {"corner": [0, 0, "2 [cm]"], "sides": [["20 [cm]", 0, 0], [0, "20 [cm]", 0]]}}, "sees the back of 'high'"),
         (PLACES | {"high": {"corner": [0, 0, "2 [K]"], "sides": [[0, 1, 0], [1, 0, 0]]}}, "enclosures.between.places.high"),
     ],
@@ -140,5 +143,5 @@ def test_places_that_cannot_be(places: dict[str, Any], message: str) -> None:
 
 
 def test_one_way_of_saying_is_enough() -> None:
-    with pytest.raises(DeckError, match="has places, shape, view_factors"):
+    with pytest.raises(DeckError, match="give an enclosure exactly one of"):
         plates({"places": PLACES, "view_factors": [[0, 1], [1, 0]], "faces": {"low": "inner", "high": "under"}})

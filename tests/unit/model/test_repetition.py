@@ -68,7 +68,7 @@ def test_one_part_takes_values_without_a_row_of_set() -> None:
     plain = row(values={"heat.power": {"value": "4 [W]", "min": 1, "max": 8}})
     assert plain.settings["cell.heat.power"].maximum == 8.0
     assert td.steady(plain, ROOM)["cell.body"] - 273.15 == pytest.approx((40 + 1.5 + 4) / 2.1, abs=1e-9)
-    with pytest.raises(DeckError, match=r"'cell\.heat\.power' is made here and stands in the deck too"):
+    with pytest.raises(DeckError, match=r"'cell\.heat\.power' is generated here and defined in the deck"):
         row({"set": {"cell.heat.power": "2 [W]"}}, values={"heat.power": "4 [W]"})
 
 
@@ -97,11 +97,11 @@ def test_neighbours_of_a_grid_are_linked_and_share_one_value() -> None:
     [
         ({"count": 3, "values": {"heat.power": ["1 [W]", "2 [W]"]}}, "submodels.cell.values.heat.power: 2 values for 3 instances"),
         ({"count": 0}, "greater than or equal to 1"),
-        ({"count": [2, 2], "chain": {"left": "body"}}, "a chain runs along one count"),
+        ({"count": [2, 2], "chain": {"left": "body"}}, "a chain needs a single count."),
         ({"count": 2, "chain": {"right": "body"}}, "'cell' needs left, air, not 'right'"),
         ({"count": 2, "chain": {"left": "skin"}}, "does not offer 'skin'. It offers body"),
         ({"values": {"heat.powr": "1 [W]"}}, "'cell' has no value 'heat.powr'. Did you mean 'heat.power'?"),
-        ({"links": {"web": {"kind": "conduction", "between": ["body", "body"], "conductance": "1 [W/K]"}}}, "links join neighbours"),
+        ({"links": {"web": {"kind": "conduction", "between": ["body", "body"], "conductance": "1 [W/K]"}}}, "links need neighbours. Give"),
         (
             {"count": 2, "links": {"web": {"kind": "conduction", "between": ["body", "body"]}}},
             "links.web: a conductor of kind 'conduction'",
@@ -197,15 +197,18 @@ def test_a_table_of_parts_is_the_deck_written_out(decks: Decks, tmp_path: Path) 
     ("cells", "message"),
     [
         (CELLS.replace("a, 2 [W], 12,", "a, 2 [W], 12"), "cells.csv:3: the line has 3 cells for 4 columns"),
-        (CELLS.replace("values.heat.power,", "vals.heat.power,"), "cells.csv:3: 'vals' is no field of what the table makes. Did you mean"),
-        (CELLS.replace("b, unit", "a, unit"), "cells.csv:4: 'a' is the name of another of the submodels. It stands at cells.csv:3 too"),
+        (
+            CELLS.replace("values.heat.power,", "vals.heat.power,"),
+            "cells.csv:3: 'vals' is not a field of the elements of this table. Did you mean",
+        ),
+        (CELLS.replace("b, unit", "a, unit"), "It is defined at"),
         (CELLS.replace("2 [W]", "2 [K]"), "cells.csv:3, set.a.heat.power: '[K]'"),
         (CELLS.replace("c, ,", "c, 1/0 [W],"), "cells.csv:6, "),
         (CELLS.replace("values.heat.power", "values.heat.pwr"), "has no value 'heat.pwr'. Did you mean 'heat.power'?"),
         (CELLS.replace("name,", "nome,"), "cells.csv:2: it has no column 'name'"),
         (CELLS.replace("bind.left", "name"), "cells.csv:2: it has the column 'name' twice"),
         ("name\n", "'cells.csv' has no rows"),
-        (CELLS.replace("name,", "name[,"), "cells.csv:2: 'name[' is no head of a column"),
+        (CELLS.replace("name,", "name[,"), "cells.csv:2: 'name[' is not a valid column heading."),
         (CELLS.replace("b, unit", ", unit"), "cells.csv:4: a row needs a name"),
         (CELLS.replace("a.body", "d.body"), "cells.csv:4"),
     ],
@@ -220,13 +223,13 @@ def test_a_table_needs_a_group_and_a_file_that_is_there(decks: Decks, tmp_path: 
     for main, message in (
         (MAIN.replace('"submodels"', '"submodel"'), "not 'submodel'. Did you mean 'submodels'?"),
         (MAIN.replace("cells.csv", "cels.csv"), "there is no file 'cels.csv'. Did you mean 'cells.csv'?"),
-        (MAIN.replace("cells.csv", "../../../etc/passwd"), "leaves the project"),
+        (MAIN.replace("cells.csv", "../../../etc/passwd"), "'../../../etc/passwd' lies outside the"),
         (MAIN.replace("makes = ", "make = ", 1), "Did you mean 'makes'?"),
     ):
         with pytest.raises(DeckError) as caught:
             rack(decks, tmp_path, main)
         assert message in str(caught.value)
-    with pytest.raises(DeckError, match="give rows here"):
+    with pytest.raises(DeckError, match="a table file works in a deck"):
         td.model_from_dict({"title": "x", "tables": {"t": {"file": "a.csv", "makes": "nodes"}}})
     made = td.model_from_dict({"title": "x", "tables": {"t": {"makes": "nodes", "rows": [{"name": "n", "capacitance": "4 [J/K]"}]}}})
     assert list(made.nodes) == ["n"]
@@ -290,10 +293,10 @@ def test_a_cycle_multiplies_a_command_and_has_a_mean() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"period": "40 [s]"}, "loads.q.cycle: the period is over before the last row"),
-        ({"times": ["5 [s]", "20 [s]", "50 [s]"]}, "a cycle begins at 0 s"),
+        ({"period": "40 [s]"}, "loads.q.cycle: the period ends before the last row. Give"),
+        ({"times": ["5 [s]", "20 [s]", "50 [s]"]}, "the first row of a cycle must"),
         ({"values": [1.0, 0.2]}, "loads.q.cycle"),
-        ({"period": None, "hold": False}, "a table that repeats ends where it begins"),
+        ({"period": None, "hold": False}, "a table that repeats must end with its first"),
         ({"values": ["1 [W]", 0.2, 0.6]}, "loads.q.cycle: "),
     ],
 )

@@ -59,7 +59,7 @@ def test_a_deck_of_six_watts_means_six_watts(part: Build) -> None:
     ]
     assert what.assumes == (
         "Hot has the values of its deck",
-        "z.skin.htc is what it was with the old part, 3.8 [W/(m^2 K)] within 30 %",
+        "z.skin.htc is its value with the old part, 3.8 [W/(m^2 K)] within 30 %",
         "foot_z.contact_conductance is that of foot_x, 246 [W/(m^2 K)] within 25 %",
     )
     start = what.starting(swapped)
@@ -115,7 +115,7 @@ def test_what_the_deck_above_derives_from_its_own_values_stays(part: Build) -> N
     swapped, what = model.replaced("z", part(ballast, title="Other"))
     assert swapped.at("z.ballast").text == "share/2"
     assert what.kept == ("z.ballast",)
-    assert "z.ballast stays as it was" in what.assumes
+    assert "z.ballast is unchanged" in what.assumes
     gone, said = model.replaced("z", part(title="Plain"))
     assert "z.ballast" not in parameter_table(gone)
     assert [d.path for d in said.dropped] == ["z.ballast"]

@@ -299,7 +299,7 @@ def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Pat
 def test_a_part_that_its_author_changed_is_not_written_over(sink: Model, tmp_path: Path) -> None:
     changed = BOX.replace("900", "901")
     (tmp_path / "Box.toml").write_text(changed, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"Box\.toml: a file is there already"):
+    with pytest.raises(OutputError, match=r"this file exists already\."):
         save_model(sink, tmp_path / "again.toml")
     assert not (tmp_path / "again.toml").exists()
     assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == changed
@@ -314,7 +314,9 @@ def test_like_a_deck_without_tables(sink: Model, tmp_path: Path) -> None:
 
 def test_two_parts_of_one_title_that_differ(sink: Model, tmp_path: Path) -> None:
     other = sink.submodels["two"].model.with_values({"area": "0.055 [m^2]"})
-    with pytest.raises(DeckError, match=r"two different submodels would be written to 'Box\.toml'\. Give them different titles\."):
+    with pytest.raises(
+        DeckError, match=r"two different submodels would be saved in the same file 'Box\.toml'\. Give them different titles\."
+    ):
         save_model(sink.replace("two", other), tmp_path / "out.toml")
 
 

@@ -207,11 +207,11 @@ def test_decks_are_written_back() -> None:
         ),
         (
             {"enthalpy": {"points": [["0 [degC]", "4 [J/kg]"], ["9 [degC]", "3 [J/kg]"]]}},
-            "an enthalpy grows with temperature; it does not from 273.15 to 282.15 K.",
+            "an enthalpy must increase with temperature; it does not from 273.15 to 282.15 K.",
         ),
         (
             {"specific_heat": {"points": HEAT}, **WAX},
-            "block, nodes.body: a table of specific heat or of enthalpy stands beside a mass, and beside nothing else.",
+            "block, nodes.body: a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.",
         ),
         ({"specific_heat": {"points": [["0 [degC]", "400 [J/K]"], ["9 [degC]", "3 [J/K]"]]}}, "J/(kg K)"),
         ({"specific_heat": {"points": [["-400 [degC]", "4 [J/(kg K)]"], ["9 [degC]", "3 [J/(kg K)]"]]}}, "block, nodes.body.specific_heat"),
@@ -225,7 +225,7 @@ def test_tables_that_cannot_be(node: dict[str, Any], message: str) -> None:
 
 def test_what_cannot_take_such_a_model_says_so() -> None:
     model = block({"specific_heat": {"points": HEAT}}, emissivity=0)
-    with pytest.raises(ScenarioError, match="there is no modal solution"):
+    with pytest.raises(ScenarioError, match="the modal solution is not possible:"):
         td.simulate(model, bench(), options=td.Options(method="modal"))
     link = {"kind": "conduction", "between": ["body", "air"], "conductance": "1 [W/K]"}
     node = {"mass": "1 [kg]", "specific_heat": {"points": HEAT}}

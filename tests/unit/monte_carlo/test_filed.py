@@ -111,7 +111,7 @@ def test_every_route_tells_that_the_deck_is_another(folder: Path, route: Callabl
     bare, said = route(folder)
     assert bare == pytest.approx(20.0 + 10.0 / 0.8, abs=0.1)
     assert f"{G} = " in said
-    assert "is left out: the deck says 0.8 [W/K], it was 0.5 [W/K] when this was found." in said
+    assert "the deck has 0.8 [W/K], but had 0.5 [W/K] when this value was fitted." in said
 
 
 def test_a_delivery_keeps_them_if_asked_to(folder: Path) -> None:
@@ -140,4 +140,4 @@ def test_of_a_part_a_set_above_wins_and_a_line_says_so(folder: Path) -> None:
     assert found.model.at(f"p.{G}").text == "1 [W/K]"
     (line,) = found.lines
     assert line.startswith(f"'p.{G}' is 1 [W/K] by")
-    assert "hides what stage" in line
+    assert "overrides the result of stage" in line

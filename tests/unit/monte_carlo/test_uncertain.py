@@ -250,13 +250,13 @@ def test_processes_give_the_same_numbers() -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_no_cluster_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign_runs, "PATIENCE", "1s")
-    with pytest.raises(ScenarioError, match=r"no cluster answers at 'tcp://127.0.0.1:9'. Start one: dask scheduler"):
+    with pytest.raises(ScenarioError, match=r"no cluster responds at 'tcp://127\.0\.0\.1:9'\. Start one: dask scheduler,"):
         runs(cluster="tcp://127.0.0.1:9")
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "joblib", None)
-    with pytest.raises(td.ThermidError, match=r"this needs joblib, which is not installed.*thermid\[cluster\]"):
+    with pytest.raises(td.ThermidError, match=r"needs joblib, which is not installed"):
         runs(workers=2)
 
 
@@ -273,12 +273,12 @@ def test_members_that_fail_are_left_out_and_told() -> None:
     ("more", "words"),
     [
         ({"n": 0}, "at least one member and one process"),
-        ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss.conductance' is spread twice"),
+        ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss\.conductance' has two spreads, by fit of"),
         ({"spread": {"air": {"sdd": "2 [K]"}}}, r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\".* Did you mean 'sd'\?"),
-        ({"spread": {"air": "2 [%]"}}, "a temperature is not spread by per cent"),
-        ({"spread": {"air": {"low": "2 [K]", "high": "1 [K]"}}}, "its low end lies above its high end"),
-        ({"spread": {"heater.power": "range"}}, "its deck gives no min and max"),
-        ({"spread": {"*.mass": "range"}}, r"the pattern '\*\.mass' reaches no number with min and max"),
+        ({"spread": {"air": "2 [%]"}}, "per cent do not apply to a temperature."),
+        ({"spread": {"air": {"low": "2 [K]", "high": "1 [K]"}}}, "its low end is above its high end. Exchange"),
+        ({"spread": {"heater.power": "range"}}, r"'range' needs min and max of the value in its deck\."),
+        ({"spread": {"*.mass": "range"}}, r"the pattern '\*\.mass' matches no number with min and max"),
         ({"spread": {"airr": "1 [K]"}}, r"Did you mean 'air'\?"),
         ({"spread": {"loss.conductance": {"sd": "1e-6 [W/K]"}, "start_time": "1 [h]"}}, r"write \{ low = \"0 \[h\]\""),
         ({"nodes": ["bodi"]}, r"no node 'bodi'. Did you mean 'body'\?"),
@@ -296,7 +296,7 @@ def test_the_power_of_a_deck_that_the_scenario_gives_is_refused() -> None:
 
 
 def test_a_node_that_was_not_kept() -> None:
-    with pytest.raises(NameNotFoundError, match="'air' was not kept"):
+    with pytest.raises(NameNotFoundError, match=r"'air' was not stored\."):
         runs().of("air")
 
 
@@ -330,7 +330,7 @@ def test_sobol_of_a_sum_is_its_variances() -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "words"), [({"base": 100}, "a power of two, not 100"), ({"spread": {"air": "1 [K]"}}, "two inputs or more")]
+    ("more", "words"), [({"base": 100}, "a power of two, not 100"), ({"spread": {"air": "1 [K]"}}, "Sobol's indices need at least")]
 )
 def test_sobol_refuses(more: dict[str, object], words: str) -> None:
     base = {"base": more.pop("base")} if "base" in more else {}

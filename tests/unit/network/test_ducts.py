@@ -128,7 +128,7 @@ def test_air_is_heated_along_a_cabinet() -> None:
     [
         ({"kind": "duct", "diameter": "4 [mm]", "length": "0 [m]", "mass_flow": "1 [g/s]"}, "length above zero"),
         ({"kind": "duct", "width": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"}, "needs diameter"),
-        ({"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "-1 [g/s]"}, "without a sign"),
+        ({"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "-1 [g/s]"}, "the flow through a duct is"),
     ],
 )
 def test_what_is_no_duct_is_refused(fields: dict[str, Any], message: str) -> None:
@@ -139,5 +139,5 @@ def test_what_is_no_duct_is_refused(fields: dict[str, Any], message: str) -> Non
 def test_a_pressure_that_changes_is_refused() -> None:
     falling = {"times": ["0 [s]", "1 [h]"], "values": ["101325 [Pa]", "60000 [Pa]"]}
     duct = {"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"}
-    with pytest.raises(td.ThermidError, match="holds at a constant one"):
-        run(duct, environment={"*": td.network.Environment(pressure=falling)})
+    with pytest.raises(td.ThermidError, match="changes, but the law of a"):
+        run(duct, environment={"*": td.Environment(pressure=falling)})

@@ -121,8 +121,8 @@ def test_contact_from_pressure_hardness_and_finish() -> None:
     ("link", "message"),
     [
         ({"kind": "gas", "area": "1 [m^2]", "gap": "0 [mm]"}, "a gap needs a distance above zero"),
-        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "an accommodation of 1.2 does not exist"),
-        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "gas": "neon"}, "no gas is called 'neon'. There are air, N2"),
+        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "the accommodation coefficient is 1.2."),
+        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "gas": "neon"}, "unknown gas 'neon'."),
         ({"kind": "gas", "area": "1 [m^2]"}, "needs area and gap"),
         ({"kind": "conduction", "conductance": "1 [W/K]", "gas": "air"}, "a conductor of kind 'conduction' has no gas"),
     ],
@@ -232,7 +232,7 @@ def test_wind_that_swings_or_jumps() -> None:
 def test_wind_on_a_fixed_coefficient_is_remarked() -> None:
     fixed = td.simulate(box({"htc": "5 [W/(m^2 K)]"}), at(ATMOSPHERE, wind=3.0))
     assert any(
-        w.startswith("the wind in 'air' does not change 'skin': a coefficient that is given stays as it is;") for w in fixed.warnings
+        w.startswith("the wind in 'air' has no effect on 'skin': its coefficient is a fixed value. Give htc =") for w in fixed.warnings
     )
     assert td.simulate(box({"htc": {"length": "5 [cm]"}}), at(ATMOSPHERE, wind=3.0)).warnings == ()
 
@@ -254,9 +254,9 @@ def test_a_volume_vented_to_nowhere_is_refused() -> None:
 @pytest.mark.parametrize(
     ("htc", "message"),
     [
-        ({"correlation": "vertical", "length": "0.1 [m]"}, "no correlation is called 'vertical'"),
+        ({"correlation": "vertical", "length": "0.1 [m]"}, "unknown correlation 'vertical'."),
         ({"correlation": "Nu_vertical_plate_Churchil", "length": "0.1 [m]"}, "Did you mean 'Nu_vertical_plate_Churchill'"),
-        ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates: give orientation"),
+        ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates. Give orientation"),
         ({"length": "0 [m]"}, "a correlation needs a length above zero"),
         ({"correlation": "Nu_no_such_plate", "length": "1 [m]"}, "the library ht has no 'Nu_no_such_plate' for free convection"),
     ],
@@ -268,10 +268,10 @@ def test_correlations_that_cannot_be(htc: dict[str, Any], message: str) -> None:
 
 def test_a_correlation_outside_its_range_is_named_with_its_limits() -> None:
     small = td.simulate(box({"htc": {"length": "5 [mm]", "orientation": "up"}}, power="0.1 [W]"), BENCH)
-    words = "Nu_horizontal_plate_McAdams of 'skin' was found between Rayleigh numbers of 10000 and 1e+11; here they reach"
+    words = "Nu_horizontal_plate_McAdams of 'skin' is valid for Rayleigh numbers from 10000 to 1e"
     assert [w for w in small.warnings if w.startswith(words)] != []
     large = td.simulate(box({"htc": {"correlation": "Nu_vertical_plate_laminar", "length": "2 [m]"}}), BENCH)
-    assert any("between Rayleigh numbers of 0 and 1e+09" in w for w in large.warnings)
+    assert any(", so its scatter is larger than stated" in w for w in large.warnings)
     assert td.simulate(box({"htc": {"length": "0.1 [m]"}}), BENCH).warnings == ()
 
 
@@ -306,7 +306,7 @@ def test_an_effective_coefficient_keeps_its_radiation_at_any_pressure() -> None:
     model = box({"effective_htc": "6 [W/(m^2 K)]", "emissivity": 0.3})
     empty, thin = settled(model, at(0.0)), settled(model, at(1.0))
     assert empty < thin < settled(model, at(1e3)) < 6.0
-    with pytest.raises(ScenarioError, match="is effective: it contains radiation"):
+    with pytest.raises(ScenarioError, match="is effective: it includes radiation,"):
         settled(box({"effective_htc": "6 [W/(m^2 K)]"}), at(1e3))
 
 
@@ -316,7 +316,7 @@ def test_free_fall_takes_natural_convection_and_leaves_conduction() -> None:
 
 
 def test_a_coefficient_found_in_air_does_not_hold_in_another_gas() -> None:
-    with pytest.raises(ScenarioError, match="was found in air and does not hold in He"):
+    with pytest.raises(ScenarioError, match=r"applies to air and is not valid in He\. Give"):
         settled(box({"htc": "5 [W/(m^2 K)]"}), at(ATMOSPHERE, gas="He"))
 
 
@@ -351,7 +351,7 @@ def test_a_vented_volume_follows_with_its_time_constant() -> None:
     assert jump.at(times) == pytest.approx(ATMOSPHERE * np.exp(-times / 20.0), rel=2e-3)
     ramp = vented(Constant(1000.0), TableSignal(np.array([0.0, 1000.0]), np.array([1000.0, 0.0])), 20.0, "x")
     assert ramp.at(np.array([500.0]))[0] == pytest.approx(520.0, rel=1e-3)
-    with pytest.raises(ScenarioError, match="that at its start, a constant"):
+    with pytest.raises(ScenarioError, match="the pressure of a vented volume"):
         vented(TableSignal(np.array([0.0, 1.0]), np.ones(2)), Constant(0.0), 1.0, "x")
 
 
@@ -363,8 +363,8 @@ def test_a_volume_is_vented_to_one_that_has_a_pressure() -> None:
 
 
 def test_gas_laws_are_not_written_to_other_programs() -> None:
-    with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which rests on tables, which is not written to"):
-        td.interop.to_octave(plates("1 [mm]"), BENCH)
+    with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which uses tables, which is not written to"):
+        td.to_octave(plates("1 [mm]"), BENCH)
 
 
 def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:

@@ -137,7 +137,7 @@ def test_pressure_between_and_in_time_ends_at_both() -> None:
 
 def test_an_effective_lead_without_emissivity_refuses_vacuum() -> None:
     lead = {"effective_htc": "12 [W/(m^2 K)]", "to": "air"}
-    with pytest.raises(ScenarioError, match="the coefficient of 'rod' is effective: it contains radiation"):
+    with pytest.raises(ScenarioError, match="the coefficient of 'rod' is effective: it includes radiation,"):
         td.simulate(model(lead), bench().vacuum())
     assert heats(lead, bench().vacuum(as_printed=True))["rod.first"] == 0.0
 
@@ -145,8 +145,11 @@ def test_an_effective_lead_without_emissivity_refuses_vacuum() -> None:
 @pytest.mark.parametrize(
     ("lead", "message"),
     [
-        ({"htc": "12 [W/(m^2 K)]"}, 'Rod, conductors.rod: a lead that loses heat on its way names the node that takes it: to = "air".'),
-        ({"htc": "1 [W/(m^2 K)]", "effective_htc": "1 [W/(m^2 K)]", "to": "air"}, "a lead has htc (convection alone) or effective_htc"),
+        (
+            {"htc": "12 [W/(m^2 K)]"},
+            'Rod, conductors.rod: the lead loses heat along its length, but no node takes it. Name the node: to = "air".',
+        ),
+        ({"htc": "1 [W/(m^2 K)]", "effective_htc": "1 [W/(m^2 K)]", "to": "air"}, "give a lead either htc"),
         ({"htc": "1 [W/(m^2 K)]", "to": "aire"}, "no node 'aire'. Did you mean 'air'?"),
         ({"length": "0 [m]"}, "Rod, conductors.rod: a lead needs a length above zero."),
         ({"diameter": "0 [m]"}, "a lead needs a cross-section and a conductivity above zero."),
@@ -172,7 +175,7 @@ def test_what_is_for_the_test_only_is_listed_and_dropped() -> None:
         surfaces={"skin": {"of": "tip", "to": "air", "area": "10 [cm^2]", "htc": "6 [W/(m^2 K)]"}},
         needs=["foot", "air"],
     )
-    assert any("one element is for the test only: 'rod'. Flight models leave them out." in f.message for f in wired.check())
+    assert any("one element is marked test_only: 'rod'. Flight models leave them out." in f.message for f in wired.check())
     flown = wired.without_test_only()
     assert flown.conductors == {}
     assert td.steady(flown, bench())["tip"] == pytest.approx(298.15, abs=1e-9)

@@ -146,5 +146,5 @@ def test_flow_is_one_way() -> None:
 )
 def test_what_is_not_linear_has_no_one_matrix(extra: dict[str, Any], name: str) -> None:
     network = compile_network(model_from_dict({"title": "bent", "needs": ["air"], "nodes": {"a": {"capacitance": "1 [J/K]"}}} | extra))
-    with pytest.raises(SolverError, match=f"bent: '{name}' is not linear, so there is no one matrix"):
+    with pytest.raises(SolverError, match=f"bent: '{name}' is not linear, so the network has no constant"):
         state_space(network)

@@ -60,7 +60,7 @@ def test_no_stream_of_gas_flows_in_vacuum() -> None:
         found = td.simulate(bay(fan=stream("inlet", "gas", flow)), run().vacuum())
         assert found.heat_flow("fan")[-1] == 0.0
         assert found["gas"].kelvin[-1] == pytest.approx(293.15 + 10.0 / 0.1 * (1.0 - np.exp(-1200.0 * 0.1 / 5.0)), rel=1e-6)
-        assert any("'fan' is air and stops: there is no gas in 'inlet' and 'gas'" in w for w in found.warnings)
+        assert any("'fan' is air and stops without gas in 'inlet' and 'gas'" in w for w in found.warnings)
         assert td.simulate(bay(fan=stream("inlet", "gas", flow)), run()).warnings == ()
 
 
@@ -144,8 +144,8 @@ def test_a_fan_that_is_scheduled_while_the_pressure_falls() -> None:
 def test_thirty_in_and_sixty_on_is_refused(fluid: str) -> None:
     more = {} if fluid == "air" else {"density": "998 [kg/m^3]", "specific_heat": "4180 [J/(kg K)]"}
     streams = {"fan": stream("inlet", "gas", fluid=fluid, **more), "out": stream("gas", "outlet", "60 [l/min]", fluid=fluid, **more)}
-    with pytest.raises(td.ThermidError, match=r"'gas' takes in 30 l/min \('fan'\) and passes on 60 l/min \('out'\).*Make them equal"):
-        td.network.compile_network(bay(**streams))
+    with pytest.raises(td.ThermidError, match=r"'gas' takes in 30 l/min \('fan'\) and passes on 60 l/min \('out'\).*must be equal"):
+        td.compile_network(bay(**streams))
     found = [f for f in findings(bay(**streams)) if f.severity == "error"]
     assert len(found) == 1
     assert "'gas' takes in 30 l/min" in found[0].message
@@ -327,10 +327,10 @@ def test_a_reduced_deck_keeps_the_fluid() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"fluid": "aire"}, r"no fluid is called 'aire'. Did you mean 'air'"),
+        ({"fluid": "aire"}, r"'aire' is not a known fluid\."),
         ({"density": "1.2 [kg/m^3]"}, r"the density of air follows from its pressure and temperature: leave density out"),
         ({"fluid": "liquid"}, r"a stream of liquid needs volume_flow and density and specific_heat, or mass_flow and specific_heat"),
-        ({"fluid": ""}, r"a stream that names no fluid needs.*fluid = \"air\""),
+        ({"fluid": ""}, "a stream without a fluid needs volume_flow and density and"),
     ],
 )
 def test_faults(changes: dict[str, Any], message: str) -> None:
@@ -344,7 +344,7 @@ def test_a_stream_of_no_fluid_is_refused_off_the_ground(pressure: float) -> None
     model = bay(fan=stream("inlet", "gas", fluid="", density="1.2 [kg/m^3]", specific_heat="1006 [J/(kg K)]"))
     assert td.simulate(model, run()).warnings == ()
     assert carried(model, run()) == pytest.approx(THIRTY * 1.2 * 1006.0, rel=1e-12)
-    with pytest.raises(td.ThermidError, match=r"'fan' names no fluid.*fluid = \"air\".*fluid = \"liquid\""):
+    with pytest.raises(td.ThermidError, match=r'its density then follows\), or fluid = "liquid"\.'):
         td.simulate(model, run(**at(pressure)))
 
 

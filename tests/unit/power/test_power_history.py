@@ -22,8 +22,8 @@ def test_a_power_that_is_logged_is_not_looked_for() -> None:
 @pytest.mark.parametrize("known", [("0 [h]", "1 [h]", "5 [W]"), [("0 [h]", "5 [W]")]])
 def test_a_stretch_has_three_parts(known: Any) -> None:
     data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=21)
-    with pytest.raises(IdentificationError, match="is a list of stretches"):
-        td.inference.power_history(box(), data, "heat", known=known)
+    with pytest.raises(IdentificationError, match="give 'known' as a list of"):
+        td.power_history(box(), data, "heat", known=known)
 
 
 def rising(every: str = "") -> td.inference.PowerHistory:
@@ -36,7 +36,7 @@ def rising(every: str = "") -> td.inference.PowerHistory:
 
 def test_knots_too_far_apart_for_a_power_are_replaced_with_a_warning() -> None:
     found, fine = rising("30 [min]"), rising()
-    assert "knots every 30 min left residuals that wander" in found.warnings[0]
+    assert "knots every 30 min left autocorrelated residuals," in found.warnings[0]
     assert found.times.size == fine.times.size
     assert found.power == pytest.approx(fine.power, abs=0.2)
     assert fine.warnings == ()

@@ -100,9 +100,9 @@ def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     seen = foresee(known, BENCH, spread={"air": "0.1 [K]"}).prediction
     words = [x.what for x in told.left_out]
     assert words == [
-        "the model's own error: nothing was fitted, so no log says it",
-        "1 assumed value that no spread names ('skin.area')",
-        "inputs that nobody spread ('heat', 'start')",
+        "the model's own error, because no fit has measured it",
+        "1 assumed value without a stated spread ('skin.area')",
+        "inputs without a stated spread ('heat', 'start')",
     ]
     assert [x.what for x in runs.left_out] == [x.what for x in seen.left_out] == words
     # settled, the rise is P/(h A): a rectangular 0.03 to 0.07 m^2 moves it by a quarter
@@ -118,9 +118,9 @@ def test_values_of_one_record_are_listed_and_no_headline() -> None:
     told = td.predict(case.fit, case.inside, nodes=[case.node])
     once, given = (x.what for x in told.left_out if x.listed)
     assert once == "how values fitted to one record differ from one test to the next ('skin.htc.coefficient', 'plate.capacitance')"
-    assert given == "inputs that nobody spread ('air', 'heat', 'start')"
+    assert given == "inputs without a stated spread ('air', 'heat', 'start')"
     assert "one record" not in str(told)
-    assert "nobody spread" not in str(told)
+    assert "inputs without a stated spread" not in str(told)
 
 
 def test_a_small_omission_is_no_headline() -> None:

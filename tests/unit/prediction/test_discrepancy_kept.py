@@ -60,8 +60,8 @@ def test_members_differ_by_it_and_by_nothing_else_besides(fit: td.Calibration) -
     assert np.array_equal(again.of("proc")[:96], with_.of("proc")[:96])  # whole groups of members that step together
     counted, plain = (td.qualify.hold(r, {"proc": "52 [degC]"}) for r in (with_, without))
     assert counted.discrepancy == pytest.approx(fit.values.provenance["misfit"]["proc"])
-    assert "the model's discrepancy is counted: " in str(counted)
-    assert "the model's discrepancy is not counted" in str(plain)
+    assert "the model's discrepancy is included: " in str(counted)
+    assert "the model's discrepancy is not included" in str(plain)
     assert any(d.name == MISFIT for d in counted["proc"].drivers)
 
 
@@ -70,9 +70,9 @@ def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
 
     measured(tmp_path, offset=1.5)
     text = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
-    (before,) = {m.not_counted[0] for m in td.qualify.run_plan(project(tmp_path, text)).margins if not m.given}
-    assert before.startswith("the model's own error: nothing was fitted")
-    found = td.qualify.run_plan(project(tmp_path, text + LOG))
+    (before,) = {m.not_counted[0] for m in td.run_plan(project(tmp_path, text)).margins if not m.given}
+    assert before.startswith("the model's own error, because no fit has")
+    found = td.run_plan(project(tmp_path, text + LOG))
     hot = next(m for m in found.margins if m.side == "hot")
     assert hot.shares == {IN_TESTS: pytest.approx(1.0)}
     assert found["hot"].correlation is not None
@@ -106,5 +106,5 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     # a file of before does not hold the fit's response
     old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "structural"})
     old.save(tmp_path / "fit.values.toml")
-    found = {why for m in td.qualify.run_plan(file).margins for why in m.not_counted if "constant" in why}
-    assert found == {"what constant coefficients leave out of 'skin_proc': the values of 'unit' do not say it"}
+    found = {why for m in td.run_plan(file).margins for why in m.not_counted if "constant" in why}
+    assert found == {"the error of constant coefficients ('skin_proc'), because the values of 'unit' do not include it"}

@@ -63,7 +63,7 @@ def test_neighbours_lie_near_one_another() -> None:
 
 def test_parts_are_cards_and_hubs_are_named_on_them() -> None:
     text = network_map(td.load_model(BOX))
-    assert "named on the cards: air, lid" in text
+    assert "named on their cards: air, lid" in text
     assert text.count(">to air, lid<") >= 20
     assert "<title>u1.JB (conduction)</title>" in text
     assert "<title>u1.JC (conduction)</title>" in text

@@ -19,7 +19,7 @@ CURVE = td.reporting.Structure(
 LIKELY = td.reporting.Structure(
     "likely", "two of all", 9, 800.0, 0.0, 0.0, {"T": 0.2}, {"T": {"a": 0.6, "b": 0.7}}, doubts=("tau = 57 s, outside 5 .. 40",)
 )
-REFUSED = td.reporting.Structure("walls", "and walls", 9, refused="the data cannot tell 'wall' and 'room' apart.")
+REFUSED = td.Structure("walls", "and walls", 9, refused="'wall' and 'room' apart. cannot be separated by")
 ALL = (PLAIN, LAG, CURVE, LIKELY, REFUSED)
 
 
@@ -31,10 +31,10 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
     page = text(td.reporting.structures_report("Box", ALL, to=tmp_path / "page.html", reasons=["Because I say so."], notes=["Real logs."]))
     assert "Taken: lag" in page
     for words in (
-        "Likeliest on the fitted runs: likely, and cannot be: tau = 57 s, outside 5 .. 40.",
-        "Nearest to the unseen runs: curve, 0.41 K.",
+        "Likeliest on the fitted runs: likely, but implausible: tau = 57 s, outside 5 .. 40.",
+        "Nearest to the hold-out runs: curve, 0.41 K.",
         "lag misses them by 0.42 K, 2 % more; of curve: x ends at its bound 2.",
-        "Refused, because these runs cannot tell what it asks: walls.",
+        "Refused, because these runs do not determine its parameters: walls.",
         "Because I say so.",
         "Real logs.",
         "the data cannot tell &#39;wall&#39; and &#39;room&#39; apart.",
@@ -46,9 +46,9 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
 
 
 def test_the_author_may_take_another_and_none_may_do(tmp_path: Path) -> None:
-    assert "Taken: plain" in text(td.reporting.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
-    assert "None can be taken" in text(td.reporting.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
-    with pytest.raises(ValueError, match=r"no structure is called 'boardd'; there are plain, lag"):
-        td.reporting.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
-    with pytest.raises(ValueError, match="no structures to compare"):
-        td.reporting.structures_report("Box", (), to=tmp_path / "d.html")
+    assert "Taken: plain" in text(td.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
+    assert "None is acceptable" in text(td.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
+    with pytest.raises(ValueError, match=r"unknown structure 'boardd'\. Known: plain, lag"):
+        td.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
+    with pytest.raises(ValueError, match="no structures are given to"):
+        td.structures_report("Box", (), to=tmp_path / "d.html")

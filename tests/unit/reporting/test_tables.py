@@ -133,13 +133,13 @@ def test_local_values_and_correlations_are_listed(campaign: Campaign) -> None:
     found = [abs(float(c)) for c in column(tables.correlations(fit), "correlation")]
     assert found == sorted(found, reverse=True)
     assert len(tables.correlations(fit, 1).rows) == 1
-    assert "left out" in tables.correlations(fit, 1).caption
+    assert "are not shown" in tables.correlations(fit, 1).caption
 
 
 def test_data_have_checksums_uses_and_kind(campaign: Campaign, measured: Campaign) -> None:
     table = tables.data(campaign)
     assert column(table, "record") == ["alone", "together", "held out"]
-    assert column(table, "used for") == ["fit component", "fit submodel", "held out, verdict on submodel"]
+    assert column(table, "used for") == ["fit component", "fit submodel", "hold-out record, verdict on submodel"]
     assert set(column(table, "kind")) == {"SYNTHETIC"}
     cell = row(table, "alone")["SHA-256 of the samples"]
     assert cell.tip == campaign["component"].records["alone"]

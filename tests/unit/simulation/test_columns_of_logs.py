@@ -89,7 +89,7 @@ walls = {{ wall = {column("inner")} }}
         (f"environment = {{ air = {{ pressure = {column('wall')} }} }}", r"is a temperature; .*\[Pa\]"),
         (f"environment = {{ air = {{ pressure = {column('p', unit='m/s')} }} }}", r"\[Pa\]"),
         (f"boundaries = {{ air = {column('rom')} }}", "no column 'rom'.*Did you mean 'room'"),
-        ("boundaries = { air = { file = 'log.csv' } }", "given by file and column"),
+        ("boundaries = { air = { file = 'log.csv' } }", r"boundaries\.air\.column: is missing"),
     ],
 )
 def test_a_unit_that_is_missing_or_wrong_is_refused(tmp_path: Path, text: str, words: str) -> None:
@@ -146,7 +146,7 @@ air = {column("room")}
         met = bind(model, cut, scenario).scenario
         assert met.environment["air"].pressure.at(np.zeros(1))[0] == first
         assert met.boundaries["air"].at(np.zeros(1))[0] == pytest.approx(293.15 if cut is record else 303.15)
-    with pytest.raises(ThermidError, match=r"whose times the record no longer has \(shift_start"):
+    with pytest.raises(ThermidError, match=r"the scenario has a column of the log 'log\.csv', but the record has"):
         bind(model, record.shift_start(), scenario)
     other = made(tmp_path, text, LOG.replace("101325", "101000"))  # another log counts from its own first sample
     assert bind(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0

@@ -276,7 +276,7 @@ def test_a_deck_is_saved_and_read_again(tmp_path: Path) -> None:
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "two kinds": ({**CONTROLS["table"], "thermostat": {"on_below": "3 [degC]", "off_above": "4 [degC]"}}, "a control is one of"),
+    "two kinds": ({**CONTROLS["table"], "thermostat": {"on_below": "3 [degC]", "off_above": "4 [degC]"}}, "give a control exactly one"),
     "no node": ({"proportional": {"setpoint": "3 [degC]", "band": "2 [K]"}}, "follows a node"),
     "no such node": ({**CONTROLS["PI"], "follows": "plaet"}, "Did you mean 'plate'"),
     "weights": ({**CONTROLS["PI"], "follows": {"plate": 1, "radiator": 1}}, "sum to 2"),
@@ -290,12 +290,18 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a band": ({"follows": "plate", "proportional": {"setpoint": "30 [degC]", "band": "0 [K]"}}, "needs a band"),
     "a mode": ({**CONTROLS["modes"], "starts": "bost"}, "Did you mean 'boost'"),
-    "lost mode": ({**CONTROLS["modes"], "modes": {"off": 0, "boost": 1, "hold": 0.3, "lost": 1}}, "nothing leads to the mode 'lost'"),
+    "lost mode": (
+        {**CONTROLS["modes"], "modes": {"off": 0, "boost": 1, "hold": 0.3, "lost": 1}},
+        r"no transition leads to the mode 'lost'\.",
+    ),
     "half a derivative": (
         {"follows": "plate", "pid": {**CONTROLS["PI"]["pid"], "derivative_time": "3 [s]"}},
         "derivative_time and filter_time",
     ),
-    "negative share": ({"follows": "plate", "table": {"points": [["20 [degC]", "-0.1"], ["30 [degC]", "1"]]}}, "uphill"),
+    "negative share": (
+        {"follows": "plate", "table": {"points": [["20 [degC]", "-0.1"], ["30 [degC]", "1"]]}},
+        r"the table of 'governor' gives a share below zero\.",
+    ),
 }
 
 

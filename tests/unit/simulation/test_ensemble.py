@@ -135,7 +135,7 @@ def test_a_member_that_runs_away_does_not_spoil_the_others(quantiles: Any) -> No
     draws = {"chip.exponential_coefficient": growth, "scale.chip": np.linspace(0.9, 1.1, 20)}
     found = td.ensemble(MODEL, ROOM, draws, every=60.0, quantiles=quantiles)
     assert list(found.failed) == [11]
-    assert "runs away" in found.failed[11]
+    assert "a power grows faster with temperature" in found.failed[11]
     keep = np.delete(np.arange(20), 11)
     alone = td.ensemble(MODEL, ROOM, {n: v[keep] for n, v in draws.items()}, every=60.0)
     assert np.abs(found.quantile("board", 0.9) - alone.quantile("board", 0.9)).max() < 3e-4
@@ -145,7 +145,7 @@ def test_a_member_that_runs_away_does_not_spoil_the_others(quantiles: Any) -> No
 
 def test_when_all_fail_the_first_one_says_why() -> None:
     found = td.ensemble(MODEL, ROOM, {"left.conductance": np.full(3, -1.0)})
-    with pytest.raises(ScenarioError, match=r"no member reached the end\. .*negative conductance"):
+    with pytest.raises(ScenarioError, match=r"no member of the ensemble reached the end of the run\."):
         found.mean("board")
 
 
@@ -213,11 +213,11 @@ def test_kept_quantiles_are_those_of_the_traces(monkeypatch: pytest.MonkeyPatch)
         assert np.array_equal(few.quantile(node, [0.5, 0.05]), whole.quantile(node, [0.5, 0.05]))
         assert few.mean(node) == pytest.approx(whole.mean(node), rel=1e-14)
         assert np.array_equal(few.highest(node), whole.highest(node))
-    with pytest.raises(ScenarioError, match=r"quantile 0\.9 was not kept, only 0\.05, 0\.5"):
+    with pytest.raises(ScenarioError, match=r"quantile 0\.9 was not stored, only 0\.05, 0\.5\."):
         few.quantile("seam", 0.9)
     with pytest.raises(ScenarioError, match="only quantiles were kept"):
         few.exceedance("seam", 30.0)
-    with pytest.raises(ScenarioError, match="'case' was not kept"):
+    with pytest.raises(ScenarioError, match=r"'case' was not stored\."):
         few.mean("case")
 
 
@@ -245,9 +245,9 @@ def test_draws_stay_within_the_bounds_of_a_deck() -> None:
         ({"skin.htc.coefficient": {"width": 1.0}}, ScenarioError, "write {sd}"),
         ({"skin.htc.coefficient": {"low": "1 [W/(m^2 K)]"}}, ScenarioError, "write {sd}"),
         ({"skin.htc.coefficient": {"low": "2 [W/(m^2 K)]", "high": "1 [W/(m^2 K)]"}}, ScenarioError, "above its high end"),
-        ({"skin.htc.coefficient": "-5 [%]"}, ScenarioError, "from zero up"),
-        ({"initial.board": "5 [%]"}, ScenarioError, "give kelvin"),
-        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "passes the bounds"),
+        ({"skin.htc.coefficient": "-5 [%]"}, ScenarioError, r"a standard deviation must be zero or more\."),
+        ({"initial.board": "5 [%]"}, ScenarioError, "per cent do not apply to a"),
+        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "exceeds the bounds"),
         ({"skin.colour": "5 [%]"}, NameNotFoundError, "no parameter"),
     ],
 )

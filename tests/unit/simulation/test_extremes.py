@@ -168,10 +168,10 @@ def test_eliminated_and_massless_nodes_and_boundaries_have_extremes() -> None:
 def test_readings_and_untracked_runs_say_that_nothing_is_known_between_samples() -> None:
     run = td.simulate(pulsed(), day(), options=td.Options(extremes=False))
     (check,) = check_limits(run, [LIMIT])
-    assert "between samples unknown" in str(check)
-    assert "between these unknown" in str(run)
+    assert "not known between samples" in str(check)
+    assert "samples; not known between them" in str(run)
     (read,) = check_readings([("chip", np.array([0.0, 300.0]), np.array([293.15, 300.0]))], [LIMIT], run)
-    assert "measured, between samples unknown" in str(read)
+    assert "measured; not known between samples" in str(read)
     log = Trace("chip", np.array([0.0, 10.0]), np.array([293.15, 303.15]))
     assert not log.maximum.tracked
     assert float(log.at(5.0)) == pytest.approx(25.0)

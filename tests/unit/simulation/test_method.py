@@ -65,7 +65,7 @@ def test_other_reasons() -> None:
     simulator = td.prepare(_model(), _scenario(), ["skin.conductance"])
     assert simulator.run().statistics["method"] == "modal"
     assert simulator.run(sensitivities=True).statistics["reason"] == "derivatives come from the integrator"
-    with pytest.raises(ScenarioError, match="no method 'exact'"):
+    with pytest.raises(ScenarioError, match="unknown method '"):
         td.simulate(_model(), _scenario(), options=td.Options(method="exact"))
 
 
@@ -106,5 +106,5 @@ def test_a_noisy_log_goes_by_modes(size: int) -> None:
 
 
 def test_a_failure_says_where_and_when() -> None:
-    with pytest.raises(SolverError, match=r"runs away at 1000 s of 1000 s at 'case'"):
+    with pytest.raises(SolverError, match="the temperature rises without limit at 1000 s of"):
         td.simulate(_model(), _scenario(loads={"heater": "-300 [W]"}), times=[1.0, 1000.0])

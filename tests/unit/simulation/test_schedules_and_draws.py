@@ -41,13 +41,13 @@ def test_a_sum_is_refused_member_by_member() -> None:
     found = td.ensemble(model("a + b"), SCENARIO, {"b": [0.2, 0.6]})
     assert found.temperatures("n")[:, 0] == pytest.approx(alone("a + b"), abs=1e-6)
     assert list(found.failed) == [1]
-    assert "in 'g' a parameter that changes from run to run and a scheduled one do not act as a product" in found.failed[1]
+    assert "in 'g' a parameter that differs between runs and a scheduled one do not" in found.failed[1]
 
 
 def test_a_sum_is_refused_in_a_run_at_other_values() -> None:
     ready = td.prepare(model("a + b"), SCENARIO, ["b"])
     assert ready.run()["n"].kelvin == pytest.approx(alone("a + b"), abs=1e-6)
-    with pytest.raises(ScenarioError, match="do not act as a product, so one schedule does not serve all runs"):
+    with pytest.raises(ScenarioError, match="in 'g' a parameter that differs between runs and a scheduled one do not"):
         ready.run({"b": 0.6})
 
 

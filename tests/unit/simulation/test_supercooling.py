@@ -341,7 +341,7 @@ def test_an_enthalpy_needs_the_point_that_supercooling_counts_from() -> None:
     table = {"points": [["0 [degC]", "0 [kJ/kg]"], ["27 [degC]", "54 [kJ/kg]"], ["27 [degC]", "240 [kJ/kg]"], ["60 [degC]", "300 [kJ/kg]"]]}
     node = {"mass": "0.2 [kg]", "enthalpy": table, "supercooling": "5 [K]"}
     whole = deck()
-    for more, message in (({}, "counts from melts_to"), ({"melts_to": "28 [degC]"}, "no point of the enthalpy")):
+    for more, message in (({}, "counts from melts_to"), ({"melts_to": "28 [degC]"}, "not a point of the enthalpy")):
         whole["nodes"]["salt"] = node | more
         with pytest.raises(td.ThermidError, match=message):
             td.simulate(td.model_from_dict(whole), cycle())

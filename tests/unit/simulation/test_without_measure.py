@@ -21,10 +21,10 @@ def test_a_period_that_nobody_can_sample() -> None:
     fast = {"mean": "1 [W/(m^2 K)]", "amplitude": "0.1 [W/(m^2 K)]", "period": "1e-7 [h]"}
     given = td.Scenario("fast", boundaries={"air": "20 [degC]"}, start="25 [degC]", duration="10 [h]")
     with pytest.raises(
-        td.ThermidError, match=r"a period of 0\.00036 s would take 4e\+10 samples for this run, and at most 5e\+06 are made"
+        td.ThermidError, match=r"a period of 0\.00036 s would take 4e\+10 samples for this run, more than the limit of 5e\+06"
     ):
         td.simulate(plate(), given.with_(schedule={"lost.contact_conductance": fast}))
-    with pytest.raises(td.ThermidError, match=r"at most 5e\+06 are made"):
+    with pytest.raises(td.ThermidError, match=r"a period of 0\.00036 s would take 3e\+08"):
         td.simulate(plate(periodic={"period": "1e-7 [h]", "duty": 0.5}), given)
 
 

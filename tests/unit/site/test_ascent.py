@@ -40,7 +40,7 @@ def test_pressure_follows_altitude() -> None:
 
 
 def test_above_86_km_somebody_must_say_what_the_air_is() -> None:
-    with pytest.raises(ScenarioError, match="end at 86 km, and 150 km was asked for"):
+    with pytest.raises(ScenarioError, match=r"end at 86 km, and 150 km was requested\. Above it"):
         launch(upper="")
     day = td.site.Trajectory(LAUNCH.times, LAUNCH.altitude, LAUNCH.speed, np.full(8, 5.0), np.full(8, 1e-7))
     made = td.site.ascent_scenario(day, air="gas", air_temperature="20 [degC]", flow={"face": 1.0}, separation="170 [s]")
@@ -103,7 +103,7 @@ upper = "standard"
     assert np.abs(one - other).max() < 1e-6
     both = (tmp_path / "ascent.toml").read_text(encoding="utf-8") + "[site]\nlatitude = 0\nlongitude = 0\n"
     (tmp_path / "both.toml").write_text(both, encoding="utf-8")
-    with pytest.raises(ScenarioError, match="on the ground or flies"):
+    with pytest.raises(ScenarioError, match="a scenario is either on the"):
         td.load_scenario(tmp_path / "both.toml")
 
 
@@ -111,11 +111,11 @@ upper = "standard"
     ("more", "words"),
     [
         ({"separation": "300 [s]"}, "outside the 240 s"),
-        ({"air_temperature": None}, "nothing says how warm the gas of 'gas' is"),
-        ({"flow": {"face": 1.0}}, "give a trajectory with speed, and separation"),
-        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* no stream of single molecules"),
+        ({"air_temperature": None}, "the temperature of the gas 'gas' is missing."),
+        ({"flow": {"face": 1.0}}, r"Give a trajectory with speed, and separation\."),
+        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* too dense there for free molecular flow"),
         ({"flow": {"face": 1.2}, "separation": "170 [s]"}, "the cosine between 'face' and the flight is 1.2"),
-        ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "an accommodation of 1.5"),
+        ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "the accommodation is 1.5"),
     ],
 )
 def test_what_an_ascent_lacks_is_said(more: dict[str, Any], words: str) -> None:
@@ -126,9 +126,9 @@ def test_what_an_ascent_lacks_is_said(more: dict[str, Any], words: str) -> None:
 def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     for text, words in (
-        ("time,height\n0,0\n1,5\n", "which column is the altitude"),
-        ("time,altitude\n0,0\n1,\n", "here is no value"),
-        ("time,altitude [km]\n0,0\n0,5\n", "time does not go on|needs two times"),
+        ("time,height\n0,0\n1,5\n", "the column of the altitude is"),
+        ("time,altitude\n0,0\n1,\n", "the value is missing. Add"),
+        ("time,altitude [km]\n0,0\n0,5\n", "times must increase|needs at least two times"),
     ):
         path.write_text(text, encoding="ascii")
         with pytest.raises(RecordError, match=words):
@@ -136,9 +136,9 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="a speed of -5 m/s"):
         td.site.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
     with pytest.raises(ScenarioError, match="give a trajectory, or the pressure"):
-        td.site.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
-    with pytest.raises(ScenarioError, match="how long"):
-        td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
+        td.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
+    with pytest.raises(ScenarioError, match=r"the duration is missing\."):
+        td.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 
 @pytest.mark.parametrize("name", ["prometheus_telemega.csv.gz", "prometheus_telemetrum.csv.gz"])

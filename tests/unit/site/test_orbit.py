@@ -148,10 +148,10 @@ def test_surfaces_are_named_and_their_signals_repeat() -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"planet": "erth"}, "no planet is called 'erth'. Did you mean 'earth'?"),
-        ({"attitude": "nadr"}, "no attitude is called 'nadr'. Did you mean 'nadir'?"),
+        ({"planet": "erth"}, "unknown planet 'erth'. Did you mean 'earth'?"),
+        ({"attitude": "nadr"}, "unknown attitude 'nadr'. Did you mean 'nadir'?"),
         ({"apogee": "100 [km]"}, "no orbit has a perigee"),
-        ({"albedo": 1.2}, "an albedo of 1.2 does not exist"),
+        ({"albedo": 1.2}, "the albedo is 1.2. Give 0 to 1"),
         ({"beta": 100}, "at most 90 degrees"),
         ({"apogee": "3 [s]"}, "orbit, apogee"),
     ],

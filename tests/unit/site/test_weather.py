@@ -56,7 +56,7 @@ def test_months_of_several_years_become_one_and_it_is_said(tmp_path: Path) -> No
     weather = td.site.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)
     assert weather.begin is not None
     assert weather.begin.year == 2026
-    assert "a typical year, put into 2026" in weather.notes
+    assert "a typical year, dated 2026" in weather.notes
     assert weather.duration == 46.5 * 3600.0  # radiation ends in the middle of the last hour
 
 
@@ -65,8 +65,8 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
     if write is not table:
         pytest.importorskip("pvlib")
     path = write(tmp_path / name, missing=(10, 11, 12))
-    with pytest.raises(RecordError, match=r"dry_bulb has a hole of 4 h from .*: give max_gap"):
-        td.site.read_weather(path)
+    with pytest.raises(RecordError, match=r"dry_bulb has a gap of 4 h from \.\*: give max_gap"):
+        td.read_weather(path)
     with pytest.raises(RecordError, match="it is longer than max_gap"):
         td.site.read_weather(path, max_gap="3 [h]")
     filled = td.site.read_weather(path, max_gap="4 [h]")
@@ -79,8 +79,8 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
 
 def test_a_line_that_is_left_out_is_a_hole(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
-    with pytest.raises(RecordError, match="dry_bulb has a hole of 3 h"):
-        td.site.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
+    with pytest.raises(RecordError, match="dry_bulb has a gap of 3 h from 2026-01-01"):
+        td.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
 
 
 def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
@@ -89,8 +89,8 @@ def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
 
 
 def test_humidity_above_100_is_refused_with_its_time(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match=r"humidity is 104 % at 2026-03-21 20:00; it lies in 0 \.\. 100 %"):
-        td.site.read_weather(table(tmp_path / "t.csv", humidity=104.0))
+    with pytest.raises(RecordError, match=r"humidity is 104 % at 2026-03-21 20:00, outside 0 \.\."):
+        td.read_weather(table(tmp_path / "t.csv", humidity=104.0))
 
 
 def test_a_table_by_its_own_names_and_units(tmp_path: Path) -> None:
@@ -122,19 +122,19 @@ def test_a_window_starts_at_zero_and_stays_inside(tmp_path: Path) -> None:
     for begin, length in (("2026-03-20 23:00", "2 [h]"), ("2026-03-22 20:00", "9 [h]")):
         with pytest.raises(RecordError, match="it covers 2026-03-21 00:00 to 2026-03-23 00:00"):
             weather.window(begin, length)
-    with pytest.raises(RecordError, match="is no instant"):
+    with pytest.raises(RecordError, match=r"'tomorrow' is not a date and time\."):
         weather.window("tomorrow", "2 [h]")
 
 
 @pytest.mark.parametrize(
     ("text", "words", "error"),
     [
-        ("time,dry_bulb\n0,20\n0,21\n", "needs two times|time does not go on", RecordError),
+        ("time,dry_bulb\n0,20\n0,21\n", "needs at least two times|times must increase:", RecordError),
         ("time,dry_bulb [W]\n0,20\n60,21\n", "a power", UnitError),
-        ("time,dry_bulb\n0,20\n60,warm\n", "'warm' is no number", RecordError),
+        ("time,dry_bulb\n0,20\n60,warm\n", r"'warm' is not a number\.", RecordError),
         ("time,dry_bulb [K]\n0,20\n60,21\n", "dry_bulb is -253", RecordError),
         ("time,temperature\n0,20\n60,21\n", "it has no weather", RecordError),
-        ("hour,dry_bulb\n0,20\n60,21\n", "which column is the time", RecordError),
+        ("hour,dry_bulb\n0,20\n60,21\n", "the time column is not clear.", RecordError),
     ],
 )
 def test_bad_tables_are_refused(tmp_path: Path, text: str, words: str, error: type[Exception]) -> None:
@@ -151,14 +151,14 @@ def test_a_missing_file_and_a_wrong_name_are_said(tmp_path: Path) -> None:
     with pytest.raises(NameNotFoundError, match=r"no quantity 'dry_blub'\. Did you mean 'dry_bulb'"):
         td.site.read_weather(path, {"dry_blub": "dry_bulb"})
     with pytest.raises(NameNotFoundError, match="no column 'T'"):
-        td.site.read_weather(path, {"dry_bulb": "T"})
-    with pytest.raises(NameNotFoundError, match="no 'winds'; it has"):
-        td.site.read_weather(path)["winds"]
+        td.read_weather(path, {"dry_bulb": "T"})
+    with pytest.raises(NameNotFoundError, match=r"no 'winds'\."):
+        td.read_weather(path)["winds"]
 
 
 def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
     path = tmp_path / "w.epw"
     path.write_text("LOCATION,nowhere\n", encoding="ascii")
-    with pytest.raises(RecordError, match="no EPW file that can be read"):
-        td.site.read_weather(path)
+    with pytest.raises(RecordError, match="this is not a readable"):
+        td.read_weather(path)

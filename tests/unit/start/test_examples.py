@@ -59,7 +59,7 @@ def test_the_first_command_of_a_copy_with_siblings_runs(tmp_path: Path) -> None:
 
 def test_nothing_is_copied_over_files(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(OutputError, match="something is there already"):
+    with pytest.raises(OutputError, match="the folder is not empty, and"):
         copy_example("07_pad", tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
 

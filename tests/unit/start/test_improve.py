@@ -64,7 +64,7 @@ def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:
     made = improve(project(tmp_path, 0.0), seconds=20.0)
     assert made.files == ()
     assert not (tmp_path / "campaign_next.toml").exists()
-    assert "No change of structure is supported" in str(made)
+    assert "No change of the structure is supported" in str(made)
 
 
 def test_a_stage_that_is_not_there(tmp_path: Path) -> None:

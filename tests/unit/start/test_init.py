@@ -61,7 +61,7 @@ def test_a_hidden_mass_is_found_written_checked_and_validated(tmp_path: Path) ->
     assert fitted["plate.capacitance"].value == pytest.approx(150.0, rel=0.05)
     text = (tmp_path / "p" / "plate.toml").read_text()
     assert "# measured: column T_plate_C" in text
-    assert "held-out readings ask for it" in text
+    assert "prediction of hold-out readings" in text
     run("simulate", str(tmp_path / "p" / "plate.toml"), "--scenario", str(tmp_path / "p" / "scenario.toml"))
 
 
@@ -86,7 +86,7 @@ def test_files_of_others_are_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / "campaign.toml").write_text("mine = 1\n")
     found = run("init", str(log), "--to", str(tmp_path / "p"), "--seconds", "1", code=2)
-    assert "a file is there already" in found["message"]
+    assert "this file exists already." in found["message"]
     assert (tmp_path / "p" / "campaign.toml").read_text() == "mine = 1\n"
     assert not (tmp_path / "p" / "logs" / "fit.csv").exists()
 

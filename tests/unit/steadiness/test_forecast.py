@@ -99,8 +99,8 @@ def test_a_model_gives_the_time_constants():
     assert led.by_model
     assert led.final.error < 0.5 * alone.final.error
     assert led.final.low <= truth <= led.final.high
-    with pytest.raises(ScenarioError, match="give the scenario"):
-        td.bench.forecast(record, model=box())
+    with pytest.raises(ScenarioError, match="the time constants of a model"):
+        td.forecast(record, model=box())
 
 
 def test_when_a_rule_will_hold_and_what_that_saves():
@@ -110,24 +110,24 @@ def test_when_a_rule_will_hold_and_what_that_saves():
     assert found.saved == pytest.approx(found.holds - found.now)
     assert found.holds_late >= found.holds
     assert "stopping now saves" in str(found)
-    assert "holds by now" in str(td.bench.forecast(log(6.0)))
+    assert ": met now" in str(td.forecast(log(6.0)))
 
 
 def test_words_and_objects():
-    text = str(td.bench.forecast(log(8.0)))
-    assert "5 of 100 such forecasts end outside" in text
-    assert "cannot be seen" in text
-    assert td.bench.forecast(log(1.5)).as_object()["final_C"] is None
+    text = str(td.forecast(log(8.0)))
+    assert "5 of 100 such forecasts are wrong" in text
+    assert "cannot be detected; it would" in text
+    assert td.forecast(log(1.5)).as_object()["final_C"] is None
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ({"channel": "T2"}, "no channel 'T2'"),
-        ({"until": "100 [s]"}, "40 are needed"),
-        ({"level": 1.5}, "a level of 1.5 is none"),
-        ({"rule": "3 C"}, "no rule of stability"),
-        ({"slowest": "10 [s]"}, "far below the 119.8 min that were watched"),
+        ({"until": "100 [s]"}, "a forecast needs 40"),
+        ({"level": 1.5}, r"a level of 1\.5 is not possible\."),
+        ({"rule": "3 C"}, "is not a rule of stability."),
+        ({"slowest": "10 [s]"}, "far below the 119.8 min of readings. Give the longest"),
         ({"reference": "AIRE"}, "no channel 'AIRE'"),
     ],
 )
@@ -138,9 +138,9 @@ def test_mistakes_are_named(arguments, words):
 
 def test_a_reading_in_the_past_and_a_record_of_several():
     with pytest.raises(RecordError, match="before the last reading"):
-        td.bench.forecast(log(2.0)).reading("1 [h]")
-    with pytest.raises(RecordError, match="say which channel: T, AIR"):
-        td.bench.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
+        td.forecast(log(2.0)).reading("1 [h]")
+    with pytest.raises(RecordError, match="name the channel: T, AIR"):
+        td.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
 
 
 def steps(every: int = 1) -> list[Path]:

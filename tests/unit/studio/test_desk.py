@@ -54,9 +54,9 @@ def test_what_is_no_slider_is_refused(project: Project) -> None:
 
 
 def test_a_deck_has_nothing_to_fit_or_run(project: Project) -> None:
-    with pytest.raises(IdentificationError, match="no log to fit"):
+    with pytest.raises(IdentificationError, match="a deck has no log, so a fit"):
         project.fit(project.title, {}, ("area",))
-    with pytest.raises(DeckError, match="nothing was measured"):
+    with pytest.raises(DeckError, match=r"a deck has no stages to run\."):
         project.run(project.title)
 
 

@@ -74,7 +74,7 @@ def test_a_broken_deck_is_said_and_a_mended_one_works(made: tuple[Project, Work]
     changed(deck, "[nodes]", "[nodess]")
     work.fresh()
     assert states(project) == ["done", "failed", "waiting"]
-    assert "'nodess' is no field here" in project.states["pair"].why
+    assert "'nodess' is not a field here." in project.states["pair"].why
     with pytest.raises(ThermidError, match="nodess"):
         project.desk("pair")
     changed(deck, "[nodess]", "[nodes]")

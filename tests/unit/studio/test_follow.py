@@ -118,11 +118,11 @@ def test_a_log_of_the_bench_is_followed_as_it_grows(tmp_path: Path) -> None:
 def test_what_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     file = tmp_path / "run.csv"
     follower = Follower(tmp_path, file)
-    assert "no 'run.csv' yet" in follower.look({})["waiting"]
+    assert "The file 'run.csv' does not exist yet." in follower.look({})["waiting"]
     file.write_text("time_s,T_CASE\n", encoding="utf-8")
     assert "no samples below it" in follower.look({})["waiting"]
     file.write_text("time_s,pressure [Pa]\n0,1\n1,2\n", encoding="utf-8")
-    assert "No column looks like a temperature" in follower.look({})["waiting"]
+    assert "No column is recognised as a temperature." in follower.look({})["waiting"]
     write(file, 6)
     told = follower.look({})
     assert told["verdict"]["word"] == "too early"
@@ -133,10 +133,10 @@ def test_only_files_of_the_project_are_opened_from_the_page(log: Path, tmp_path_
     write(outside, 50)
     follower = Follower(log.parent)
     for name in (str(outside), "../" * 12 + "etc/passwd", f"../{outside.parent.name}/secret.csv"):
-        with pytest.raises(DeckError, match="leaves the project"):
+        with pytest.raises(DeckError, match="lies outside the project"):
             follower.look({"file": name})
     (log.parent / "link.csv").symlink_to(outside)
-    with pytest.raises(DeckError, match="leaves the project"):
+    with pytest.raises(DeckError, match="lies outside the project"):
         follower.look({"file": "link.csv"})
     assert follower.offered()["logs"] == ["run.csv"]
     with pytest.raises(DeckError, match="no log is open"):
@@ -147,9 +147,9 @@ def test_only_files_of_the_project_are_opened_from_the_page(log: Path, tmp_path_
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"rule": "soon"}, "is no rule of stability"),
+        ({"rule": "soon"}, "is not a rule of stability."),
         ({"since": "late"}, "'since' is a number of hours"),
-        ({"reference": "T_AIR"}, "there is no channel 'T_AIR'"),
+        ({"reference": "T_AIR"}, "unknown channel 'T_AIR'."),
     ],
 )
 def test_what_makes_no_sense_is_said(log: Path, asked: dict[str, Any], message: str) -> None:

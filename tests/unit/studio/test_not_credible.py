@@ -38,9 +38,9 @@ def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Wor
     assert [s.state for s in states.values()] == ["done", "done", "done"]
     assert [s.standing for s in states.values()] == ["not credible"] * 3
     assert not any(s.usable for s in states.values())
-    assert "would have to be wrong by" in states["part"].because
+    assert "would need an error of" in states["part"].because
     for above in ("pair", "whole"):  # 'whole' takes a value of 'pair' alone, and rests on 'part' two levels below
-        assert states[above].because.startswith("NOT CREDIBLE: rests on stage 'part' (T_LAB would have to be wrong by")
+        assert states[above].because.startswith("NOT CREDIBLE: rests on stage 'part' (T_LAB would need an error of by")
         assert not work._project.done[above].contradicted
 
 
@@ -57,7 +57,7 @@ def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
     assert work.outcome is not None
     verdict = outcome_object(work.outcome)["verdict"]
     assert verdict["word"] == "not decided"
-    assert verdict["text"].startswith("The values are NOT CREDIBLE, do not use them: rests on stage 'part' (T_LAB would")
+    assert verdict["text"].startswith("The values are NOT CREDIBLE, so do not use them: rests on stage 'part' (T_LAB would")
 
 
 def test_a_report_of_them_says_so_at_every_place_that_would_recommend_them(work: Work, tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_a_report_of_them_says_so_at_every_place_that_would_recommend_them(work:
         assert f"Do not use {stage}: " in page
         assert f"{stage} (not credible)</th>" in page
     assert page.count(">not credible</tspan>") == 3
-    assert "Do not use whole: rests on stage 'part' (T_LAB would have to be wrong" in page
+    assert "Do not use whole: rests on stage 'part' (T_LAB would need an error of" in page
 
 
 def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:

@@ -127,7 +127,7 @@ def test_humidity_is_run(work: Work) -> None:
     wet = ran(work, "SMC-S-016 unit humidity", {})
     assert wet["moisture"]["dew"][0]["name"] == "dew point of air"
     (skin,) = wet["moisture"]["surfaces"]
-    assert ("Water settles: worst skin" in wet["verdict"]["text"]) == (skin["margin"] < 0.0)
+    assert ("Water condenses: worst skin" in wet["verdict"]["text"]) == (skin["margin"] < 0.0)
     assert "skin" in wet["verdict"]["text"]
 
 
@@ -188,15 +188,15 @@ def test_a_hostile_title_stays_text(work: Work) -> None:
 @pytest.mark.parametrize(
     ("key", "asked", "error", "message"),
     [
-        ("SMC-S-016 unit thermal cycel", {}, NameNotFoundError, "there is nothing called"),
-        ("profile ../../secret.toml", {}, NameNotFoundError, "there is nothing called"),
+        ("SMC-S-016 unit thermal cycel", {}, NameNotFoundError, "unknown run '"),
+        ("profile ../../secret.toml", {}, NameNotFoundError, "unknown run '"),
         (KEY, {"lowest": -5}, ScenarioError, "give both the lowest and the highest"),
-        (KEY, {"numbers": {"cycles": 3}}, ScenarioError, "numbers are texts by name"),
+        (KEY, {"numbers": {"cycles": 3}}, ScenarioError, "give numbers as texts by name."),
         (KEY, {"numbers": {"cicles": "3"}}, ScenarioError, "has no 'cicles'"),
-        (KEY, {"numbers": {"stable": "soon"}}, RecordError, "is no rule of stability"),
-        (KEY, {"chamber": ["engine"]}, ScenarioError, "'engine' is no boundary"),
-        ("scenario 0", {"gas": "soup"}, ScenarioError, "'soup' is none of air, vacuum, printed"),
-        ("scenario 0", {"uncertain": True}, ScenarioError, "the uncertainty belongs to a fit's own values"),
+        (KEY, {"numbers": {"stable": "soon"}}, RecordError, "is not a rule of stability."),
+        (KEY, {"chamber": ["engine"]}, ScenarioError, r"'engine' is not a boundary\."),
+        ("scenario 0", {"gas": "soup"}, ScenarioError, r"'soup' is not one of air, vacuum, printed\."),
+        ("scenario 0", {"uncertain": True}, ScenarioError, "the uncertainty applies to fitted values only."),
     ],
 )
 def test_what_cannot_be_run_is_said(work: Work, key: str, asked: dict[str, Any], error: type[Exception], message: str) -> None:
@@ -211,7 +211,7 @@ def test_a_window_is_two_times() -> None:
     assert window_of({}) is None
     assert window_of({"window": [0, 5]}) == (0.0, 5.0)
     for bad in ([5, 0], [1], "all", ["a", "b"]):
-        with pytest.raises(DeckError, match="a window is two times"):
+        with pytest.raises(DeckError, match="give a window as two times,"):
             window_of({"window": bad})
     assert np.isfinite(window_of({"window": [0, 5]}) or ()).all()
 

@@ -90,7 +90,7 @@ def test_a_foreign_host_or_origin_is_refused(port: int, headers: dict[str, str])
 def test_a_request_without_the_pages_header_changes_nothing(port: int) -> None:
     status, _, text = asked(port, "/api/save", {"stage": "x", "values": {}}, {"content-type": "application/json"})
     assert status == 400
-    assert "own page" in text
+    assert "must come from the studio's page" in text
 
 
 @pytest.mark.parametrize(
@@ -124,18 +124,18 @@ def test_a_hostile_name_stays_text(port: int) -> None:
 @pytest.mark.parametrize(
     ("path", "body", "message"),
     [
-        ("/api/curves", {"stage": EVIL, "values": {"area": "wide"}, "gas": "air"}, "values are numbers by path"),
-        ("/api/curves", {"stage": EVIL, "values": {"area": True}, "gas": "air"}, "values are numbers by path"),
-        ("/api/curves", {"stage": EVIL, "values": {}, "gas": "soup"}, "'soup' is none of air, vacuum, printed"),
-        ("/api/curves", {"stage": 3, "values": {}, "gas": "air"}, "'stage' is no text"),
+        ("/api/curves", {"stage": EVIL, "values": {"area": "wide"}, "gas": "air"}, "give values as numbers by path."),
+        ("/api/curves", {"stage": EVIL, "values": {"area": True}, "gas": "air"}, "give values as numbers by path."),
+        ("/api/curves", {"stage": EVIL, "values": {}, "gas": "soup"}, "'soup' is not one of air, vacuum, printed."),
+        ("/api/curves", {"stage": 3, "values": {}, "gas": "air"}, "'stage' is not a text."),
         ("/api/curves", {"stage": "other", "values": {}, "gas": "air"}, "no stage 'other'"),
         ("/api/curves", {"stage": EVIL, "values": {"area": 1e400}, "gas": "air"}, ""),
-        ("/api/picture", {"stage": EVIL, "values": {}, "folded": ["engine"]}, "no part 'engine'"),
-        ("/api/picture", {"stage": EVIL, "values": {}, "run": "first"}, "a run is a whole number"),
+        ("/api/picture", {"stage": EVIL, "values": {}, "folded": ["engine"]}, "unknown part 'engine'."),
+        ("/api/picture", {"stage": EVIL, "values": {}, "run": "first"}, "give a run as a whole number"),
         ("/api/swap", {"part": "case", "deck": "../secret.txt"}, "a swap needs a campaign"),
         ("/api/save", {"stage": EVIL, "values": {}, "name": "x"}, "nothing to save"),
-        ("/api/fit", "{", "the body is no JSON"),
-        ("/api/fit", [1], "no JSON object"),
+        ("/api/fit", "{", "the body is not JSON."),
+        ("/api/fit", [1], "the body is not a JSON object."),
     ],
 )
 def test_what_makes_no_sense_is_answered_in_words(port: int, path: str, body: Any, message: str) -> None:
@@ -152,11 +152,11 @@ def test_a_fit_without_logs_ends_with_its_reason(port: int) -> None:
         if job["what"] == "fit" and job["ended"]:
             break
         threading.Event().wait(0.05)
-    assert "no log to fit" in job["error"]
+    assert "a deck has no log, so a fit" in job["error"]
 
 
 def test_a_taken_port_is_said(port: int) -> None:
-    with pytest.raises(DeckError, match=f"port {port} is taken"):
+    with pytest.raises(DeckError, match=f"port {port} is in use"):
         serve(Project(EXAMPLES / "01_accelerometer" / "accelerometer.toml"), port)
 
 
@@ -164,4 +164,4 @@ def test_a_body_beyond_measure_is_not_read(port: int) -> None:
     status, _, text = asked(port, "/api/fit", '{"stage": "' + "x" * 2_000_000 + '"}')
     assert (status, json.loads(text)["error"]) == (413, "the body has more than 1 MB.")
     status, _, text = asked(port, "/api/fit", "[" * 100_000)
-    assert (status, json.loads(text)["error"]) == (400, "the body is no JSON.")
+    assert (status, json.loads(text)["error"]) == (400, "the body is not JSON.")

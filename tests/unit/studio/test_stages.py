@@ -44,7 +44,7 @@ def states(project: Project) -> list[str]:
 def test_a_campaign_is_run_kept_and_found_again(folder: Path) -> None:
     project = opened(folder)
     assert states(project) == ["new", "new", "waiting"]
-    with pytest.raises(DeckError, match=r"m_PrE: takes values of 'ProcSISNAV', which is not done"):
+    with pytest.raises(DeckError, match=r"m_PrE: needs values of 'ProcSISNAV', which has not been"):
         project.run("m_PrE")
     for name in project.stages:
         assert project.run(name).state == "done"
@@ -61,7 +61,7 @@ def test_a_campaign_is_run_kept_and_found_again(folder: Path) -> None:
 
 
 def test_a_folder_is_answered_with_what_lies_in_it(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(DeckError, match=r"a folder is no deck or campaign\. Name a file in it; there are: .*campaign\.toml"):
+    with pytest.raises(DeckError, match=r"a folder is not a deck or campaign\. Give a file in it: .*campaign\.toml"):
         Project(folder)
     with pytest.raises(DeckError, match=r"there are: none"):
         Project(tmp_path)
@@ -88,7 +88,7 @@ def test_a_fit_from_moved_sliders_comes_back(folder: Path) -> None:
         kept = project.done["EleGFO"].values[path]
         assert found.values[path].value == pytest.approx(kept.value, abs=0.05 * kept.error)
     assert worse > 5 * desk.curves({})[0].curves[0].rmse
-    with pytest.raises(IdentificationError, match="no parameter is chosen"):
+    with pytest.raises(IdentificationError, match=r"no parameter is selected\."):
         project.fit("EleGFO", {}, ())
 
 
@@ -113,7 +113,7 @@ def test_running_a_lower_stage_again_makes_the_upper_one_stale(folder: Path) -> 
 
 def test_a_swap_lists_stages_and_stays_in_the_project(folder: Path) -> None:
     project = opened(folder)
-    with pytest.raises(td.ThermidError, match="leaves the project"):
+    with pytest.raises(td.ThermidError, match=r"'\.\./\.\./\.\./\.\./etc/passwd' lies outside the"):
         project.swap("ele", "../../../../etc/passwd")
     with pytest.raises(NameNotFoundError, match="no stage 'm_PrF'"):
         project.desk("m_PrF")

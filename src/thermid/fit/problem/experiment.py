@@ -69,8 +69,8 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
         again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
         if again:
             raise RecordError(
-                f"the scenario has a column of the log '{record.origin.file}', whose times the record no longer has ({again}). Leave that "
-                "step out, or give the column in a log of its own.",
+                f"the scenario has a column of the log '{record.origin.file}', but the record has other times after this step "
+                f"({again}). Leave that step out, or give the column in a separate log.",
                 record.name,
             )
         zero = float(record.times[0])
@@ -287,7 +287,7 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
     channel = record.channel(name)
     times = record.times[channel.valid]
     if times.size == 0:
-        raise RecordError(f"channel '{name}' has no valid sample.", record.name)
+        raise RecordError(f"channel '{name}' has no valid sample. Leave it out, or check why all its samples are masked.", record.name)
     return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
 
 
@@ -606,7 +606,9 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
         return ("command" if channel.role == "command" else "load"), canonical
     path = network.find(target, where)
     if channel.role == "prescribed" and path in network.flat.names.boundaries:
-        raise RecordError(f"'{target}' is a boundary of {network.title}, so it is given anyway. Bind the channel with boundary.", where)
+        raise RecordError(
+            f"'{target}' is a boundary of {network.title}, so its temperature is given. Bind the channel with boundary = '{target}'.", where
+        )
     role = "boundary" if path in network.boundaries else "node"
     if channel.role not in ("auto", role, "prescribed"):
         raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
@@ -668,7 +670,9 @@ def bind(
                 means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
-        raise RecordError(f"no channel observes a node of {network.title}; there is nothing to compare.", record.name)
+        raise RecordError(
+            f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'.", record.name
+        )
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
     times = record.times[grid] - zero
     observations = tuple(
@@ -737,8 +741,8 @@ def _timed(channel: Channel, record: Record) -> None:
     """Refuse temperatures that are compared, but on a clock that the fit has yet to find."""
     if record.second is not None and channel.name in record.second.channels:
         raise RecordError(
-            "its readings are compared with the model, but its clock is yet to be found; the log with the compared temperatures gives the "
-            "time. Join the logs the other way round, or, where both hold such temperatures, find the clock with td.inference.align first.",
+            "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
+            "give the time. Join the logs the other way round; if both have such temperatures, find the clock with td.align first.",
             f"{record.name}, {channel.name}",
         )
 
@@ -749,8 +753,8 @@ def _bare(channel: Channel, role: str, record: Record) -> None:
     if part is not None and (part.touches or part.gain_accuracy or part.correlation_time):
         what = "a lag, a heat capacity, leads, an error of its scale or a correlation of its noise"
         raise RecordError(
-            f"its sensor is said to have {what}, but its readings drive a {role}, where these cannot be taken into account. "
-            "Give it an accuracy that covers them.",
+            f"its sensor has {what}, but its readings are the input of a {role}, where these cannot be modelled. Give it an accuracy "
+            "that includes them instead.",
             f"{record.name}, {channel.name}",
         )
 

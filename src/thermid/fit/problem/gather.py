@@ -37,7 +37,7 @@ def build_problem(request: Request) -> Problem:
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", where)
     for name in (n for n in request.scenarios if n not in (*names, "*")):
-        raise RecordError(f"a scenario is given for '{name}', which is no record here.{nearest(name, names)}", where)
+        raise RecordError(f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where)
     experiments = tuple(
         bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )
@@ -69,7 +69,7 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
 def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
-        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is no sensor here.", IdentificationError)
+        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
         if not (math.isfinite(weight) and weight > 0):
             raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
 
@@ -200,7 +200,7 @@ def wired(experiment: Experiment, raw: str) -> str:
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
 
-    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says how well it is known.
+    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says its uncertainty.
     """
     if request.held_errors is not None:
         return []

@@ -50,7 +50,7 @@ class LocalSpec:
     def read(cls, given: Any, where: str) -> LocalSpec:
         """Return it from a text or a table with `start` and `sd`."""
         table = given if isinstance(given, Mapping) else {"start": given}
-        refuse_unknown(table, ("start", "sd"), where, "a local value has start and sd, not {}.", IdentificationError)
+        refuse_unknown(table, ("start", "sd"), where, "give a local value start and sd, not {}.", IdentificationError)
         if "start" not in table:
             raise IdentificationError("a local value needs a start.", where)
         sd = literal(table["sd"], "K", where) if "sd" in table else math.inf
@@ -78,7 +78,7 @@ class Reading:
         table = given if isinstance(given, Mapping) else {"channel": given}
         unknown = set(table) - {"channel", "offset"}
         if unknown or "channel" not in table:
-            raise IdentificationError("a reading has a channel, and an offset where one is needed.", where)
+            raise IdentificationError("give a reading a channel, and an offset if needed.", where)
         return cls(str(table["channel"]), str(table.get("offset", "")))
 
 
@@ -178,7 +178,7 @@ class Request:
         except ThermidError as error:
             hint = nearest(text, record.channels)
             raise IdentificationError(
-                f"'{text}' is no temperature and no channel of {record.name}.{hint} ({error.message})", f"local.{name}"
+                f"'{text}' is neither a temperature nor a channel of {record.name}.{hint} ({error.message})", f"local.{name}"
             ) from None
 
 
@@ -204,7 +204,7 @@ def matching(pattern: str, paths: Iterable[str], where: str) -> list[str]:
     hits = [p for p in known if fnmatchcase(p, pattern)]
     if not hits:
         bare = pattern.translate(str.maketrans("", "", "*?[]"))
-        raise NameNotFoundError(f"no parameter that can be freed matches '{pattern}'.{nearest(bare, known)}", where)
+        raise NameNotFoundError(f"no parameter that can be fitted matches '{pattern}'.{nearest(bare, known)}", where)
     return hits
 
 
@@ -224,6 +224,8 @@ def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, 
     IdentificationError     When `freeze` takes nothing off.
     """
     free = [free] if isinstance(free, str) else free  # one name, and not its letters
+    if not isinstance(free, Iterable) or not all(isinstance(each, str) for each in free):
+        raise IdentificationError(f"what is to be fitted is a list of names, not {free!r}.", where)
     if not freeze and not any(map(is_glob, free)):
         return list(free), set()
     values = ParameterSet(model)
@@ -238,7 +240,7 @@ def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, 
         hits = set(matching(model.canonical(name), literals, where)) if is_glob(name) else {values.freeable(name, model.canonical)}
         if not hits & candidates:
             raise IdentificationError(
-                f"'{name}' is frozen, but nothing of that name is free here; what is not free stays as it is anyway. Take it out.", where
+                f"'{name}' is listed as frozen, but it is not free here, so it stays fixed anyway. Remove it from the list.", where
             )
         frozen |= hits
     return [name for path, name in here.items() if path not in frozen], frozen
@@ -248,6 +250,13 @@ def _path(model: Model, values: ParameterSet, name: str) -> str:
     """Return the path that a fit frees for a name; a name that cannot be freed stays, the fit will say why."""
     path = model.canonical(name)
     return values.literal_behind(path) if path in values.table else name
+
+
+def mean_of(prior: Any) -> str:
+    """Return what a prior says of its mean as it is written, or an empty text where the start stands for it."""
+    if not isinstance(prior, Mapping):
+        return str(prior[0])
+    return str(prior.get("mean", prior.get("low", "")))
 
 
 def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: str) -> dict[str, tuple[str, str]]:
@@ -261,6 +270,12 @@ def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: s
     NameNotFoundError       When a glob matches nothing.
     IdentificationError     When a parameter has no range, or its range is not one of a data sheet.
     """
+    for name, one in given.items():
+        if not isinstance(one, Mapping) and one != RANGE and not (isinstance(one, list | tuple) and len(one) == 2):
+            raise IdentificationError(
+                f"a prior is a pair (mean, standard deviation), a table such as {{'sd': '1 [K]'}}, or 'range', not {one!r}.",
+                f"{where}.priors.{name}",
+            )
     if not any(is_glob(name) or one == RANGE for name, one in given.items()):
         return {name: one for name, one in given.items() if not isinstance(one, str)}
     values = ParameterSet(model)
@@ -282,8 +297,8 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
     low, high = given.minimum, given.maximum
     if given.source != "datasheet":
         raise IdentificationError(
-            f"the range of '{path}' is no prior: its source is {given.source or 'not stated'}, so min and max only bound the search. State "
-            'source = "datasheet" where they are the tolerance of a data sheet, or give the prior a mean and sd.',
+            f"the range of '{path}' is not a prior: its source is {given.source or 'not stated'}, so min and max only bound the "
+            "search. If they are the tolerance of a data sheet, state source = 'datasheet'; otherwise give the prior a mean and sd.",
             where,
         )
     if low is None or high is None or not low < high:

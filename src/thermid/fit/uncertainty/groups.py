@@ -49,7 +49,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters that cannot be told apart, or hardly.
+    """Parameters that cannot be separated, or hardly.
 
     Parameters
     ----------
@@ -86,14 +86,14 @@ class Group:
         """What cannot be told, and what is known instead, in words."""
         who = listed(self.names)
         if self.structural and self.acting:
-            told = f"{who} cannot be told apart; {self.acting}"
+            told = f"{who} cannot be separated; {self.acting}"
         elif self.structural and self.form == "mixture":
             moves = " or ".join(_percents({n: 0.1 * w for n, w in m.items()}) for m in self.moves)
-            told = f"{who} cannot be told apart: near these values, {moves} together changes no reading"
+            told = f"{who} cannot be separated: near these values, {moves} together changes no reading"
         elif self.structural:
-            told = f"{who} cannot be told apart: {' or '.join(together(m, len(self.names)) for m in self.moves)} changes no reading"
+            told = f"{who} cannot be separated: {' or '.join(together(m, len(self.names)) for m in self.moves)} changes no reading"
         else:
-            told = f"{who} are hardly told apart: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
+            told = f"{who} can hardly be separated: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
         return told + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
 
 
@@ -144,7 +144,7 @@ MEANINGS: Mapping[tuple[float, ...], str] = {
     (1.0, 0.0, -1.0): "the temperature rise",
     (0.0, 1.0, -1.0): "the time constant",
     (1.0, -1.0, 0.0): "the rate of warming",
-    (0.0, 0.0, 1.0): "the heat let out",
+    (0.0, 0.0, 1.0): "the heat loss",
 }
 INNER = tuple(unit(u).dimension for u in ("W/K", "K/W", "W/(m^2 K)", "W/(m K)", "m^2", "m"))
 
@@ -320,7 +320,7 @@ def _unit(used: Sequence[tuple[str, float, float, str]]) -> str:
 
 
 def practical_groups(info: Information, tell: float) -> tuple[Group, ...]:
-    """Return the groups of parameters that this log hardly tells apart.
+    """Return the groups of parameters that this log can hardly separate.
 
     A parameter belongs to one when its relative error exceeds `tell`, is more than twice what it would be with all others known, and goes
     with that of another (correlation above 0.8). [-]

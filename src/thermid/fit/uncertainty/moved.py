@@ -294,7 +294,7 @@ class Move:
 
     @property
     def detectable_share(self) -> float:
-        """The detectable shift in parts of the value as it stands in its unit; infinite where that is zero. [-]"""
+        """The detectable shift in parts of the value as it is in its unit; infinite where that is zero. [-]"""
         size = abs(from_si(self.below, self.unit)) * float(unit(self.unit).factor)
         return self.detectable / size if size > 0 else math.inf
 
@@ -312,7 +312,7 @@ class Move:
         if self.detectable_share == math.inf and math.isfinite(self.detectable):
             amount = self.detectable / float(unit(self.unit).factor)
             return f"a shift of {short(amount, 2)} {'K' if unit(self.unit).offset else self.unit} would be found with 90 % power"
-        return "it says nothing of this value"
+        return "this log does not determine the value"
 
     def __str__(self) -> str:
         """Return one line."""
@@ -405,8 +405,8 @@ class Moves:
         if not far:
             return []
         return [
-            f"moved from what the stage below found: {some(far, 'values')}. The parts do not behave in the assembly as they did alone, "
-            "or the stage below missed something."
+            f"significantly different from the stage below: {some(far, 'values')}. The parts behave differently in the assembly than "
+            "alone, or the stage below lacked physics. Check contacts, radiation and powers in the assembly."
         ]
 
 

@@ -110,7 +110,7 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
             open_.pop()
         elif not open_:
             if head:
-                raise DeckError(f"'{line.text.strip()}' stands outside a $MODEL.", str(line.where))
+                raise DeckError(f"'{line.text.strip()}' is outside a $MODEL block.", str(line.where))
         elif head and head not in ("REAL", "INTEGER", "CHARACTER", "CONTROL", "DOUBLE"):
             open_[-1].blocks.append((head, []))
             rest = line.text[word.end(1) :] if word else ""
@@ -119,9 +119,9 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
         elif open_[-1].blocks:
             open_[-1].blocks[-1][1].append(line if not head else replace(line, text=f"${head}"))
     if top is None:
-        raise DeckError("no $MODEL: this is no deck of ESATAN.", str(path))
+        raise DeckError("no $MODEL found: this is not an ESATAN deck.", str(path))
     if open_:
-        raise DeckError(f"$MODEL {open_[-1].name} has no $ENDMODEL; the file is cut off.", str(path))
+        raise DeckError(f"$MODEL {open_[-1].name} has no $ENDMODEL, so the file is incomplete.", str(path))
     return top
 
 
@@ -150,7 +150,7 @@ def _statements(lines: list[Line]) -> Iterator[Line]:
         if not text.strip():
             text, first = "", None
     if text.strip() and first is not None:
-        raise DeckError(f"'{text.strip()[:60]}' has no end; a semicolon is missing.", str(first))
+        raise DeckError(f"'{text.strip()[:60]}' has no end. Add the missing semicolon.", str(first))
 
 
 def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
@@ -218,7 +218,7 @@ def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
     for statement in _statements(lines):
         found = re.match(r"([DBX])(\d+)\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", statement.text, re.DOTALL | re.IGNORECASE)
         if not found:
-            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is no node")
+            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a node")
             continue
         kind, name, title = found[1].upper(), f"T{int(found[2])}", (found[3] or "").strip("' ")
         body = Line(statement.text[found.start(4) :], statement.part(found.start(4), len(statement.text)))
@@ -258,14 +258,14 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
             views.append(statement)
             continue
         if not found or found[1].upper() not in ("GL", "GR"):
-            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is no GL or GR")
+            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a GL or GR")
             continue
         try:
             a, b = (_node_of(scope, owner, found[k]) for k in (2, 3))
         except ThermidError:
             raise
         except ValueError:
-            raise DeckError(f"'{statement.text[:60]}' names no two nodes.", str(statement.where)) from None
+            raise DeckError(f"'{statement.text[:60]}' does not name two nodes.", str(statement.where)) from None
         if deck.inactive & {a, b}:
             continue
         where = statement.part(found.start(4), found.end(4))
@@ -280,7 +280,9 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         again[name] = again.get(name, 0) + 1
         deck.conductors.append(FileConductor(f"{name}_{again[name]}" if again[name] > 1 else name, (a, b), table, where))
     if views:
-        deck.reading.remark(views[0].where, f"{counted(len(views), 'view factor')} (GV) carry no heat and were left out", dropped=False)
+        deck.reading.remark(
+            views[0].where, f"{counted(len(views), 'view factor')} (GV) have no conductance and were left out", dropped=False
+        )
 
 
 _SILENT: Final = re.compile(r"GENMOR|CALL SETND[RI]|CALL STORMM|CALL STATST")
@@ -357,7 +359,7 @@ def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
             try:
                 deck.duration = _number(deck, deck.reading.value(found[1], line.where))
             except ThermidError:
-                deck.reading.remark(line.where, f"the end of the run, '{found[1]}', is no number")
+                deck.reading.remark(line.where, f"the end of the run, '{found[1]}', is not a number")
 
 
 _READERS = {"LOCALS": _names, "CONSTANTS": _names, "ARRAYS": _arrays, "NODES": _nodes, "CONDUCTORS": _conductors}

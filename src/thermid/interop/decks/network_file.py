@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -47,12 +47,12 @@ class TextSpan:
 
     def __str__(self) -> str:
         """Return file and line."""
-        return f"{Path(self.file).name}:{self.line}"
+        return f"{os.path.basename(self.file)}:{self.line}"
 
 
 @dataclass(frozen=True)
 class DeckRemark:
-    """A statement of a deck that was not taken over as it stands."""
+    """A statement of a deck that was not taken over as it is."""
 
     where: TextSpan
     what: str
@@ -105,6 +105,18 @@ class FileLoad:
     more: Mapping[str, Any] = field(default_factory=dict)
     scales: bool = False
     factor: float = 1.0
+
+
+def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str, each: FileConductor | FileLoad) -> str:
+    """Return the path of a node that a line of a deck names.
+
+    Raises
+    ------
+    DeckError   When the deck does not define it.
+    """
+    if end not in at:
+        raise DeckError(f"{what} {each.name} names node {'.'.join(end).strip('.')}, which the deck does not define.", str(each.where))
+    return at[end]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,16 +200,15 @@ class NetworkFile:
             "submodels": submodels,
             "set": settings,
             "conductors": {each.name: self._conductor(each, at) for each in self.conductors},
-            "loads": {each.name: {"into": at[each.into], "power": _watts(each.power), **each.more} for each in self.loads},
+            "loads": {
+                each.name: {"into": _defined(at, each.into, "load", each), "power": _watts(each.power), **each.more} for each in self.loads
+            },
         }
         return model_from_dict(deck)
 
     def _conductor(self, each: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
         """Return the table of a conductor, times the factor of its group."""
-        for end in each.ends:
-            if end not in at:
-                raise DeckError(f"conductor {each.name} names node {'.'.join(end)}, which the deck does not define.", str(each.where))
-        table = {"between": [at[end] for end in each.ends], **each.table}
+        table = {"between": [_defined(at, end, "conductor", each) for end in each.ends], **each.table}
         key = SCALED[table["kind"]]
         value = table.get(key, "1")
         table[key] = {"value": f"{each.group}*{value}" if each.group else value, "source": "derived", "basis": str(each.where)}
@@ -323,9 +334,9 @@ class FileCourse:
         """Refuse points that are no course."""
         t = self.seconds
         if t.size != self.numbers.size or t.size == 0:
-            raise DeckError(f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} make no table.", self.where)
+            raise DeckError(f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} do not form a table.", self.where)
         if self.period and t[-1] - t[0] > self.period * (1.0 + 1e-9):
-            raise DeckError(f"times over {t[-1] - t[0]:g} s do not fit into a period of {self.period:g} s.", self.where)
+            raise DeckError(f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where)
 
     def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
         """Return the course as a table of a scenario."""

@@ -42,7 +42,9 @@ class Balance:
         """Return how many nodes close, then those that do not."""
         missed = self.open()
         if not missed:
-            return f"at the printed temperatures all {counted(len(self.left), 'node')} close within the rounding of the print"
+            return (
+                f"at the printed temperatures the balance of all {counted(len(self.left), 'node')} closes within the rounding of the print"
+            )
         nodes = f"{len(missed)} of {counted(len(self.left), 'node')}"
         head = f"NOT CLOSED: at the printed temperatures {nodes} miss {sum(missed.values()):.4g} W in all"
         return "\n".join([head, *(f"  {node}: {watts:+.4g} W" for node, watts in missed.items())])
@@ -66,7 +68,7 @@ def sinda_print(path: str | Path) -> list[dict[str, float]]:
                 prints.append({})
             prints[-1][key] = float(word)
     if not prints:
-        raise DeckError("no temperatures are printed in it (T 1= ... under SUBMODEL NAME).", str(path))
+        raise DeckError("the file has no printed temperatures (T 1= ... under SUBMODEL NAME).", str(path))
     return prints
 
 

@@ -103,7 +103,7 @@ def read_sinda(path: str | Path) -> NetworkFile:
     for header, submodel, lines in _blocks(deck, path, text, ()):
         deck.steps.append((header, submodel, lines))
     if not any(header.startswith("NODE") for header, _, _ in deck.steps):
-        raise DeckError("no HEADER NODE DATA: this is no deck of SINDA.", str(path))
+        raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path))
     for wanted in ("CONTROL", "REGISTER", "ARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
         for header, submodel, lines in deck.steps:
             if header.startswith(wanted):
@@ -111,7 +111,12 @@ def read_sinda(path: str | Path) -> NetworkFile:
     _name_what_is_left(deck)
     if deck.units.sigma is None and any(c.table["kind"] == "radiation" for c in deck.conductors):
         first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
-        deck.reading.remark(first.where, f"SIGMA is in the case's .inp; assumed {STEFAN_BOLTZMANN:.6g} W/(m^2 K^4)", dropped=False)
+        deck.reading.remark(
+            first.where,
+            f"SIGMA is defined in the case's .inp file, which was not read; {STEFAN_BOLTZMANN:.6g} W/(m^2 K^4) is assumed. Compare it "
+            "with the file",
+            dropped=False,
+        )
     parameters = {deck.reading.names[name]: value for name, value in deck.registers.items()}
     return NetworkFile(
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), parameters,
@@ -161,7 +166,7 @@ def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[
                 raise
             deck.reading.remark(line.part(0, len(line.text)), f"INSERT {name}: {error.message}")
             return
-        deck.reading.remark(line.part(0, len(line.text)), f"{name} is binary; {beside.name} beside it was read", dropped=False)
+        deck.reading.remark(line.part(0, len(line.text)), f"{name} is binary; the text file {beside.name} was read instead", dropped=False)
         target, text = beside, deck.reading.open(beside, inside, str(line.where))
     yield from _blocks(deck, target, text, inside)
 
@@ -204,7 +209,7 @@ def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     for line in lines:
         found = re.match(r"\s*(?:INT:|REAL:)?\s*(\w+)\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
         if not found:
-            deck.reading.remark(line.where, f"'{line.text.strip()}' is no register")
+            deck.reading.remark(line.where, f"'{line.text.strip()}' is not a register")
             continue
         where = line.part(found.start(2), found.end(2))
         value = deck.reading.value(found[2], where)
@@ -227,7 +232,7 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             try:
                 deck.arrays[submodel, key].append(float(fortran(word)))
             except (ValueError, KeyError):
-                raise DeckError(f"'{word}' is no number of an array.", str(line.where)) from None
+                raise DeckError(f"'{word}' is not a number of an array.", str(line.where)) from None
 
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -249,7 +254,7 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            raise DeckError(f"'{line.text.strip()}' is no node: number, temperature, capacitance.", str(line.where)) from None
+            raise DeckError(f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.", str(line.where)) from None
 
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
@@ -286,7 +291,9 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
         raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where))
     if kind == "SIV":
         if len(values) % 2:
-            raise DeckError(f"array {word} has {counted(len(values), 'number')}; temperature and value go in pairs.", str(line.where))
+            raise DeckError(
+                f"array {word} has {counted(len(values), 'number')}, but needs pairs of temperature and value.", str(line.where)
+            )
         return [(deck.units.celsius(t), v) for t, v in zip(values[::2], values[1::2], strict=True)]
     grid = np.arange(-270.0, 230.1, 5.0)
     deck.reading.remark(line.where, "polynomial over temperature as a table every 5 K from -270 to 230 degC", dropped=False)
@@ -312,7 +319,7 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            raise DeckError(f"'{line.text.strip()}' is no conductor: number, node, node, value.", str(line.where)) from None
+            raise DeckError(f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where)) from None
 
 
 class _Group:
@@ -504,7 +511,7 @@ def _paired(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) ->
     at = 1 if cyclic else 0
     values = deck.arrays.get((submodel, words[at + 1].upper().removeprefix("A"))) if len(words) > at + 1 else None
     if values is None or words[at].upper() not in ("TIMEM", "TIMEN") or len(values) % 2:
-        deck.reading.remark(line.where, f"'{line.text.strip()}' is no course over time of an array of pairs")
+        deck.reading.remark(line.where, f"'{line.text.strip()}' is not a function of time by an array of pairs")
         return None
     times, powers = np.array(values[::2]) * deck.units.time, np.array(values[1::2])
     if cyclic:
@@ -522,7 +529,7 @@ def _power(deck: SindaDeck, owner: str, found: re.Match[str], line: Line, course
         rest = re.sub(re.escape(course.variable), "1.0", text, flags=re.IGNORECASE)
         factor = deck.reading.value(rest, where)
         if not isinstance(factor, float):
-            deck.reading.remark(line.where, f"a register times a course: '{line.text.strip()}'")
+            deck.reading.remark(line.where, f"a register times a function of time: '{line.text.strip()}'")
             return
         watts = factor * deck.units.power
         mean = float(np.mean(course.course.numbers)) * watts

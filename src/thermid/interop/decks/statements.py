@@ -49,14 +49,12 @@ class DeckReading:
             raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", asked or str(path))
         if path in inside or len(inside) >= DEEPEST:
             chain = " -> ".join(each.name for each in (*inside, path))
-            raise DeckError(f"files include each other without end: {chain}.", asked)
+            raise DeckError(f"files include each other endlessly: {chain}.", asked)
         if path.stat().st_size > LARGEST:
-            raise DeckError(
-                f"the file has more than {LARGEST // 1_000_000} MB; a deck has some hundred kB. Split it into includes.", str(path)
-            )
+            raise DeckError(f"the file has more than {LARGEST // 1_000_000} MB. Split it into include files.", str(path))
         text = read_bytes(path).decode("latin-1")
         if "\0" in text:
-            raise DeckError("this is a binary file; a deck is a text. Give the text that belongs to it (.cc, .k, .inp, .d).", str(path))
+            raise DeckError("this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path))
         self.texts[str(path)] = text
         return text
 
@@ -80,7 +78,9 @@ class DeckReading:
         try:
             expression = parse(written)
         except ThermidError as error:
-            raise DeckError(f"'{text.strip()}' is no number and no arithmetic of numbers and names: {error.message}", str(where)) from None
+            raise DeckError(
+                f"'{text.strip()}' is neither a number nor arithmetic of numbers and names: {error.message}", str(where)
+            ) from None
         return written if expression.names else float(expression.evaluate(lambda name: 0.0))
 
     def _name(self, word: str, where: TextSpan) -> str:

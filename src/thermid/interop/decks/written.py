@@ -173,7 +173,9 @@ class _Sinda(_Deck):
         if row.form == "table" and row.curve is not None and row.curve.over != "difference" and not row.curve.film:
             x, y, held = table_points(row.curve)
             if not held:
-                raise DeckError(f"'{label}' is refused outside its points; SINDA would hold its last value.", self.w.network.title)
+                raise DeckError(
+                    f"'{label}' has outside = 'refuse', but SINDA uses its last value there. Use outside = 'hold'.", self.w.network.title
+                )
             arrays.append((len(arrays) + 1, [v for t, g in zip(x, y, strict=True) for v in (round(t - ICE_POINT, 12), g)]))
             return f"      SIV {k}, {ends}, A{len(arrays)}, {number_text(value_of(row.coefficients[0]))} {tail}"
         raise self.refused(label, row)
@@ -253,6 +255,9 @@ class _Esatan(_Deck):
         for k, (source, _) in enumerate(followed, 1):
             names = free.setdefault(source.node, ["QR", "QE", "QA", "QS"])
             if not names:
-                raise DeckError(f"more than four loads of '{source.node}' follow courses; ESATAN has no more powers.", self.w.network.title)
+                raise DeckError(
+                    f"more than four loads of '{source.node}' change in time, but ESATAN has only four. Combine some of them.",
+                    self.w.network.title,
+                )
             number, power = self.numbers[source.node][1], number_text(float(source.power))
             yield f"  {names.pop()}{number} = INTRP1(TIMEM, COURSE{k}, 1) * {power}"

@@ -184,7 +184,7 @@ def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
             continue
         if clock and not np.array_equal(out["Time"][0], series["Time"]):
             raise RecordError(
-                f"'{clock}' and '{name}' have times of their own. Save one of them in a file of its own: save('log.mat', '{clock}').", file
+                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').", file
             )
         clock = clock or name
         out["Time"] = series["Time"], "s"
@@ -253,8 +253,10 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
     """
     clock = _clock_of(vectors)
     if not clock:
-        held = ", ".join(f"{n} ({len(v)})" for n, (v, _) in vectors.items()) or "nothing of numbers"
-        raise RecordError(f"none of its vectors is called a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the time.", file)
+        held = ", ".join(f"{n} ({len(v)})" for n, (v, _) in vectors.items()) or "no numeric vectors"
+        raise RecordError(
+            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.", file
+        )
     times, unit = vectors.pop(clock)
     alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
     other = [name for name in vectors if name not in alike]
@@ -263,7 +265,7 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
     texts, unit, start, name = _clock_texts(times, unit, re.split(r"[./]", clock)[-1], kind)
     header = (f"{name} [{unit}]" if unit else name, *(_named(n, u) for n, (_, u) in alike.items()))
     columns = [texts, *(tuple(text_of(v) for v in np.asarray(values).tolist()) for values, _ in alike.values())]
-    notes = (f"left out, because not as long as '{clock}': {', '.join(other)}",) if other else ()
+    notes = (f"left out, because their length differs from that of '{clock}': {', '.join(other)}",) if other else ()
     return Cells(
         file, header, columns, list(range(1, len(times) + 1)), notes, time=name, start=start, layout=Layout(kind, ""), commas=False
     )

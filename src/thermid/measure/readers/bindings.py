@@ -52,13 +52,15 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
     NameNotFoundError   When `extra` names a channel that is not read.
     """
     if not channels:
-        raise RecordError("no channel is asked for. Give channels={'node': 'column'}.", where)
+        raise RecordError("no channel is requested. Give channels={'node': 'column'}.", where)
     out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
     for word, values in extra.items():
         for name, value in values.items():
-            refuse_unknown([name], out, where, f"{word} is given for '{{}}', which is no channel; there are {{known}}.", NameNotFoundError)
+            refuse_unknown(
+                [name], out, where, f"{word} is given for '{{}}', which is not a channel. Channels: {{known}}.", NameNotFoundError
+            )
             if getattr(out[name], word) is not None:
-                raise RecordError(f"its {word} is given twice. Give it in the table or beside it.", f"{where}, channels.{name}")
+                raise RecordError(f"its {word} is given twice. Give it either in the table or as an argument.", f"{where}, channels.{name}")
             field: dict[str, Any] = {word: value}
             out[name] = replace(out[name], **field)
     return list(out.values())
@@ -69,26 +71,31 @@ def _one(key: str, given: object, where: str) -> Binding:
     if isinstance(given, str):
         return Binding(key, given, target=key)
     if not isinstance(given, Mapping):
-        raise RecordError(f"{given!r} is neither the name of a column nor a table.", where)
+        raise RecordError(f"{given!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.", where)
     refuse_unknown(given, _KEYS, where)
     for word in (*_ROLE_KEYS, "gain", "unit"):
         if word in given and not (isinstance(given[word], str) and given[word].strip()):
-            raise RecordError(f"{word} = {given[word]!r} is no text.", where)
+            raise RecordError(f"{word} = {given[word]!r} is not a text.", where)
+    for word in ("full_scale", "noise", "accuracy", "resolution"):
+        if word in given and (isinstance(given[word], bool) or not isinstance(given[word], str | int | float)):
+            raise RecordError(f"{word} = {given[word]!r} is neither a text with a unit nor a number.", where)
     roles = [word for word in _ROLE_KEYS if word in given]
     if len(roles) > 1:
-        raise RecordError(f"it has the roles {' and '.join(roles)}; a channel has one.", where)
+        raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where)
     role = roles[0] if roles else "auto"
     if "gain" in given and role not in ("load", "command"):
-        raise RecordError("a gain turns a command into a power, so it needs load = '...' or command = '...' beside it.", where)
+        raise RecordError("a gain converts a command into a power, so it needs load = '...' or command = '...' too.", where)
     if "full_scale" in given and (role != "load" or "gain" in given):
-        raise RecordError("full_scale is the power of a load at 100 %, so it needs load = '...' beside it, and no gain.", where)
+        raise RecordError("full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where)
     if not isinstance(given.get("prompt", False), bool):
         raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
     if given.get("prompt") and role not in ("load", "command"):
-        raise RecordError("prompt says that a power or command was logged whenever it changed; it needs a load or command.", where)
+        raise RecordError(
+            "prompt states that a power or command was logged at every change, so it applies to a load or command only.", where
+        )
     refuse_unknown([given.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
     if "samples" in given and role in ("auto", "node"):
-        raise RecordError("samples says what drives the model; it needs a boundary, load, command or prescribed.", where)
+        raise RecordError("samples applies to inputs of the model only: a boundary, load, command or prescribed node.", where)
     words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")
     rest = {word: given[word] for word in words if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
@@ -115,7 +122,7 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
         if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
             raise RecordError(_PER_CENT.format(f"it is in {text}"))
         if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
-            raise RecordError(f"its header says [{header_unit}] and its unit is given as '{binding.unit}'. Correct one of them.")
+            raise RecordError(f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.")
         if binding.role in ("node", "boundary", "prescribed"):
             require(of.dimension, TEMPERATURE, text, of.absolute)
         elif binding.role == "load" and not drives:
@@ -143,7 +150,8 @@ def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
     if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
         scale = "degF" if letter[1] == "F" else "K"
         raise RecordError(
-            f"its name ends in '_{letter[1]}', and without a unit it would be read in degC. Give units={{'{binding.name}': '{scale}'}} or "
+            f"its name ends in '_{letter[1]}', so its unit is unclear: without one it is read in degC. Give "
+            f"units={{'{binding.name}': '{scale}'}} or "
             "'degC'; in a campaign, unit of the channel.",
             where,
         )
@@ -160,7 +168,7 @@ def full_scale(binding: Binding, where: str) -> float | None:
         return None
     watts = amount(binding.full_scale, "W", f"{where}, full_scale")
     if not watts > 0.0:
-        raise RecordError(f"its full_scale is {watts:g} W; a power above zero is needed.", where)
+        raise RecordError(f"its full_scale is {watts:g} W. Give a power above zero.", where)
     return watts
 
 

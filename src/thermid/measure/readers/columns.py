@@ -133,7 +133,7 @@ def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
     if not hits:
         raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
     if len(hits) > 1:
-        raise RecordError(f"{len(hits)} columns are called '{wanted}'. Rename them.", where)
+        raise RecordError(f"{len(hits)} columns have the name '{wanted}'. Rename all but one.", where)
     return hits[0]
 
 

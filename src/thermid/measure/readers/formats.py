@@ -80,7 +80,7 @@ def _captured(
     header: tuple[str, ...], columns: list[tuple[str, ...]], numbers: list[int], others: int, file: str, separator: str = ""
 ) -> Cells:
     """Return the cells of a capture, with a note on lines that hold no samples."""
-    notes = (f"{others} lines of the capture hold no samples and were passed over",) if others > 0 else ()
+    notes = (f"{others} lines of the capture hold no samples and were skipped",) if others > 0 else ()
     return Cells(file, header, columns, numbers, notes, time="time", layout=Layout("serial capture", "", separator))
 
 
@@ -122,7 +122,9 @@ def _pairs(lines: Lines, passed: int, file: str) -> Cells:
     rows = [(number, stamp, values) for number, stamp, values in rows if any(name in values for name in usual)]
     if len(rows) < 2 or len(rows) < 0.3 * len(lines):
         raise RecordError(
-            "its lines hold neither columns of numbers nor names with values such as 'T1: 23.5'. Take the stamps and banners out.", file
+            "its lines hold neither columns of numbers nor names with values such as 'T1: 23.5'. Remove time stamps and banners from "
+            "the lines.",
+            file,
         )
     columns = [tuple(stamp for _, stamp, _ in rows), *(tuple(values.get(name, "") for _, _, values in rows) for name in usual)]
     header = ("time", *(f"{name} [{units[name]}]" if units[name] else name for name in usual))
@@ -161,13 +163,13 @@ def labview(text: str, file: str) -> Cells:
         made, kept = _samples(at_rows, segment, x_columns, len(names), file)
         said = segment.get("Samples", [""])[0].strip()
         if said.isdigit() and 0 < int(said) < len(kept) and x_columns == "No":
-            notes.append(f"{len(kept)} samples stand where the header says {said}: read one after the other, without a pause")
+            notes.append(f"{len(kept)} samples are present, but the header states {said}: read as consecutive, without a pause")
         times += [shift + t for t in made]
         rows += [row for _, row in kept]
         numbers += [number for number, _ in kept]
         at = stop
     if not rows:
-        raise RecordError("there is a header and no samples below it.", file)
+        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
     columns = [tuple(repr(t) for t in times), *(tuple(column) for column in zip(*rows, strict=True))]
     if sign == ",":
         columns[1:] = [tuple(_pointed(cell) for cell in column) for column in columns[1:]]
@@ -219,7 +221,7 @@ def _segment(
         pairs = [k for k, name in enumerate(names) if name == "X_Value"]
         for number, row in rows:
             if len({row[k].strip() for k in pairs if k < len(row)} - {""}) > 1:
-                raise RecordError("its channels have times of their own. Export them with one X column.", f"{file}:{number}")
+                raise RecordError("its channels have different times. Export them with one X column.", f"{file}:{number}")
     units = segment.get("Y_Unit_Label", [])
     keep = [k for k in range(1, width) if names[k] != "X_Value"]
     named = tuple(_named(names[k], units[k - 1].strip() if k - 1 < len(units) else "") for k in keep)
@@ -241,7 +243,7 @@ def _samples(
     for k, (number, row) in enumerate(rows):
         if row[0].strip() and x_columns != "No":
             if not is_number(row[0]):
-                raise RecordError(f"'{row[0]}' is no time.", f"{file}:{number}")
+                raise RecordError(f"'{row[0]}' is not a time.", f"{file}:{number}")
             out.append(_number(row[0]))
         elif np.isfinite(step) and step > 0:
             out.append(begin + step * k)
@@ -271,11 +273,11 @@ def influx(text: str, file: str) -> Cells:
         if not header:
             header = row
             if not {"_time", "_value"} <= {*header}:
-                raise RecordError("a table without _time and _value. Query a series, not an aggregate of one.", f"{file}:{number}")
+                raise RecordError("the table has no _time and _value. Query a series, not an aggregate.", f"{file}:{number}")
             continue
         if len(row) != len(header):
             raise RecordError(
-                f"{len(row)} columns stand in this line, {len(header)} in the header. Mend it, or take it out.", f"{file}:{number}"
+                f"{len(row)} cells in this line, {len(header)} columns in the header. Correct or remove the line.", f"{file}:{number}"
             )
         cells = dict(zip(header, row, strict=True))
         name = _name_of(cells, header)
@@ -291,7 +293,7 @@ def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
     try:
         yield from enumerate(csv.reader(text.split("\n"), strict=True), 1)
     except csv.Error as error:
-        raise RecordError(f"a quotation mark is out of place ({error}). Mend the line.", file) from None
+        raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", file) from None
 
 
 def _name_of(cells: dict[str, str], header: Sequence[str]) -> str:
@@ -345,10 +347,10 @@ def _is_key(column: Sequence[str]) -> bool:
 
 
 def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
-    """Return cells with a remark where a column tells the rows of several things apart."""
+    """Return cells with a remark where a column distinguishes the rows of several sources."""
     for at, name in enumerate(names):
         if name in _KEYS and _is_key(cells.columns[at]) and len(kinds := list(dict.fromkeys(cells.columns[at]))) > 1:
-            of = f"'{cells.header[at]}' tells rows of {len(kinds)} things apart ({', '.join(kinds[:4])})"
+            of = f"'{cells.header[at]}' distinguishes rows of {len(kinds)} sources ({', '.join(kinds[:4])})"
             said = f"{of}: each column mixes their readings"
             return replace(cells, notes=(*cells.notes, said))
     return cells
@@ -357,7 +359,7 @@ def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
 def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: str, time: str, layout: Layout) -> Cells:
     """Return the cells of series by name: texts, stamps, lines."""
     if not series:
-        raise RecordError("there is a header and no samples below it.", file)
+        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
     out = []
     every = [stamp for _, stamps, _ in series.values() for stamp in stamps]
     axis = stamp_seconds(every, file)
@@ -369,7 +371,8 @@ def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: s
         for t, text, line in zip(own, texts, lines, strict=True):
             if seen.setdefault(t, text) != text:
                 raise RecordError(
-                    f"'{name}' has two readings at {stamps[own.index(t)]}, {seen[t]} and {text}. Name its rows apart, or take one out.",
+                    f"'{name}' has two readings at {stamps[own.index(t)]}, {seen[t]} and {text}. Give the rows different names, or "
+                    "remove one.",
                     f"{file}:{line}",
                 )
         out.append(ChannelSeries(name, texts, own, stamps, lines))
@@ -412,7 +415,7 @@ def _without_units(cells: Cells, at: int) -> tuple[str, tuple[str, ...]] | None:
         if match is None:
             if not text:
                 return None
-            raise RecordError(f"'{plain}' carries no unit; the cells above are in {text}.", cells.where(row, name))
+            raise RecordError(f"'{plain}' has no unit; the cells above are in {text}.", cells.where(row, name))
         own = spelt(match["unit"])
         try:
             known = unit(own)

@@ -97,7 +97,7 @@ def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, s
     try:
         dimension = unit(text).dimension
     except ThermidError:
-        return "ignored", text, f"nobody knows the unit '{text}': give unit = '...'"
+        return "ignored", text, f"unknown unit '{text}': give unit = '...'"
     if dimension == unit("K").dimension:
         return _temperature(name, text, f"its unit is {text}")
     if dimension == unit("W").dimension:
@@ -129,7 +129,7 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
         hot = kelvin_sized(known)
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
-    return "ignored", "", "no unit, and its name says nothing"
+    return "ignored", "", "no unit, and its name gives none"
 
 
 def _coded(values: FloatArray, guess: str) -> BoolArray:

@@ -72,6 +72,12 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
+    for word, given in (("channels", channels), ("noise", noise or {}), ("accuracy", accuracy or {}), ("units", units or {})):
+        if not isinstance(given, Mapping):
+            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path))
+    for channel, unit_text in (units or {}).items():
+        if not isinstance(unit_text, str):
+            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}")
     cells = log_cells(_path(path), separator)
     clock_at = clock_column(cells, time)
     time_unit, given = clock_at.unit, dict(units or {})
@@ -81,8 +87,8 @@ def read_record(
     read_at = read_times(cells, clock_at, sign, clock, asked_unit or time_unit, asked_unit is not None)
     times = read_at.values
     if times[0] == times[-1]:
-        found = "one sample" if times.size == 1 else f"{times.size} samples of one stamp"
-        raise RecordError(f"the log has {found}; a record needs two times.", cells.file)
+        found = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
+        raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file)
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
     read = [(_channel(cells, each, parsed), each) for each in asked]
     sensors = [
@@ -110,7 +116,7 @@ def _path(path: str | Path) -> Path:
     """Return the path, and refuse what is in memory."""
     if not isinstance(path, str | Path):
         raise RecordError(
-            f"a {type(path).__name__} is no file; Record.from_arrays takes columns that are in memory, temperatures in kelvin.",
+            f"a {type(path).__name__} is not a file. For columns in memory use Record.from_arrays, with temperatures in kelvin.",
             "read_record",
         )
     return Path(path)
@@ -140,7 +146,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
     if isinstance(samples, int):
         text = cells.columns[at][samples]
         raise RecordError(
-            f"'{text}' is no number. Missing samples are written empty, NaN or NA; with decimal commas, give decimal=','.",
+            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
             cells.where(samples, column),
         )
     samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
@@ -178,14 +184,14 @@ def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -
     finite = samples[np.isfinite(samples)]
     if quantity == "temperature" and kelvin_sized(finite):
         raise RecordError(
-            f"its readings, {finite.min():.1f} .. {finite.max():.1f}, look like kelvin, and without a unit they would be read in degC. "
+            f"its readings, {finite.min():.1f} .. {finite.max():.1f}, look like kelvin, but without a unit they are read in degC. "
             f"Give units={{'{name}': 'K'}} or 'degC'; in a campaign, unit = \"K\" of the channel.",
             where,
         )
     if quantity == "power" and finite.size and finite.min() >= 0.0 and finite.max() == 100.0 and np.all(finite == np.round(finite)):
         raise RecordError(
-            f"its readings, {finite.min():g} .. 100, look like per cent of a heater, and without a unit they would be read in W. "
-            f"Give units={{'{name}': 'W'}} if they are watts; else full_scale = '... [W]' of the channel, or gain.",
+            f"its readings, {finite.min():g} .. 100, look like per cent of a heater, but without a unit they are read in W. Give "
+            f"units={{'{name}': 'W'}} if they are watts; else full_scale = '... [W]' of the channel, or gain.",
             where,
         )
 
@@ -225,7 +231,8 @@ def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArr
         values, valid = _last_valid(each, group, last) if each.held else _mean_valid(each, group, first)
         out.append(replace(each, values=values, valid=valid, masks={}))
     note = (
-        f"{times.size - first.size} of {times.size} rows repeat a stamp: temperatures are averaged, of powers and commands the last holds"
+        f"{times.size - first.size} of {times.size} rows repeat a time stamp: temperatures are averaged, of powers and commands the "
+        "last one is used"
     )
     return times[first], out, note
 
@@ -283,16 +290,16 @@ class PlainTable:
         except NameNotFoundError:
             if self.time is not None:
                 raise
-            raise RecordError(f"which column is the time? Say time = '...'; there are {', '.join(self.names)}.", self.file) from None
+            raise RecordError(f"the time column is not clear. Give time = '...', one of {', '.join(self.names)}.", self.file) from None
         read = read_times(self.cells, clock, self._decimal, None, clock.unit)
         times, stamp = read.values, read.start
         if times.size < 2:
-            raise RecordError("a table over time needs two times.", self.file)
+            raise RecordError("a table over time needs at least two times.", self.file)
         back = np.flatnonzero(np.diff(times) <= 0)
         if back.size:
             k = int(back[0])
             raise RecordError(
-                f"time does not go on: {times[k]:g} s is followed by {times[k + 1]:g} s.", self.cells.where(k + 1, clock.name)
+                f"times must increase: {times[k]:g} s is followed by {times[k + 1]:g} s.", self.cells.where(k + 1, clock.name)
             )
         return times, stamp
 
@@ -328,7 +335,7 @@ class PlainTable:
         at = self._at(name)
         parsed = numbers(self.cells.columns[at], self._decimal)
         if isinstance(parsed, int):
-            raise RecordError(f"'{self.cells.columns[at][parsed]}' is no number.", self.cells.where(parsed, name))
+            raise RecordError(f"'{self.cells.columns[at][parsed]}' is not a number.", self.cells.where(parsed, name))
         text = usual if usual and self.heads[at][1] is None else self.heads[at][1] or ("K" if slot == "temperature" else slot)
         if slot == "1" and text in ("deg", "°"):
             text = "1"
@@ -347,7 +354,7 @@ class PlainTable:
         values = self.column(name, slot, usual)
         gone = np.flatnonzero(~np.isfinite(values))
         if gone.size:
-            raise RecordError("here is no value. Fill it, or take the line out.", self.cells.where(int(gone[0]), name))
+            raise RecordError("the value is missing. Add it, or remove the line.", self.cells.where(int(gone[0]), name))
         return values
 
 

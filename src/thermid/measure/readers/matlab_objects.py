@@ -141,7 +141,7 @@ def objects_of(data: bytes, file: str) -> dict[str, Mapping[str, Any]]:
         return {name: tables.fields(number)[1] for name, number in found.items()}
     except (_NotSoError, ValueError, IndexError, KeyError, TypeError, struct.error) as error:
         raise RecordError(
-            f"its MATLAB objects ({', '.join(found) or 'of unknown name'}) are laid out in a way that is not known ({error}). In MATLAB: "
+            f"its MATLAB objects ({', '.join(found) or 'of unknown name'}) have an unknown layout ({error}). In MATLAB: "
             "t = x.Time; T = x.Data; save('log.mat', 't', 'T', '-v7').",
             file,
         ) from None

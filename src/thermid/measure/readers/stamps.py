@@ -153,7 +153,10 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
         # a date in one column and the clock time in the other are one time
         if len(hits) == 2 and {*hits} <= {*dates, *clocks}:
             return hits[0]
-        raise RecordError(f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file)
+        raise RecordError(
+            f"{' and '.join(cells.header[at] for at in hits)} could both be the time column. Give time='...' with the right one.",
+            cells.file,
+        )
     timely = {*stamps, *dates, *clocks}
     named = [
         at
@@ -172,10 +175,13 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
             return hits[0]
         if len(hits) > 1:
             raise RecordError(
-                f"{' and '.join(cells.header[at] for at in hits)} could each be the time column. Give time='...'.", cells.file
+                f"{' and '.join(cells.header[at] for at in hits)} could both be the time column. Give time='...' with the right one.",
+                cells.file,
             )
     raise NameNotFoundError(
-        f"no time column: none of {', '.join(cells.header)} is called {', '.join(TIME_NAMES)}. Give time='...'.", cells.file
+        f"no time column found: none of {', '.join(cells.header)} has one of the names {', '.join(TIME_NAMES)}. Give time='...' with "
+        "the name of the column.",
+        cells.file,
     )
 
 
@@ -227,7 +233,7 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
     if isinstance(parsed, int) or np.isnan(parsed).any():
         for row, cell in enumerate(column):
             if cell.strip().lower() in MISSING:
-                raise RecordError("this line has no time. Take it out, or mend the log.", cells.where(row, name))
+                raise RecordError("this line has no time. Remove it, or correct the log.", cells.where(row, name))
     if isinstance(parsed, np.ndarray):
         found = _counted(cells, clock, parsed, unit_text, given)
     elif form is None and parsed > 0:
@@ -237,10 +243,14 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
     back = np.flatnonzero(np.diff(found.values) < 0)
     if back.size:
         row = int(back[0]) + 1
-        hour = " A step of one hour back is the end of summer time." if 3000 < found.values[row - 1] - found.values[row] <= 3660 else ""
+        hour = (
+            " A step back of one hour is typical of the end of summer time."
+            if 3000 < found.values[row - 1] - found.values[row] <= 3660
+            else ""
+        )
         raise RecordError(
-            f"time runs back here, from {column[row - 1].strip()} to {column[row].strip()}.{hour} "
-            "Sort the log, or read its parts as records of their own.",
+            f"time decreases here, from {column[row - 1].strip()} to {column[row].strip()}.{hour} "
+            "Sort the log, or read its parts as separate records.",
             cells.where(row, name),
         )
     return found
@@ -251,7 +261,7 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     name = clock.name
     odd = np.flatnonzero(~np.isfinite(parsed))
     if odd.size:
-        raise RecordError(f"'{clock.texts[odd[0]]}' is no time.", cells.where(int(odd[0]), name))
+        raise RecordError(f"'{clock.texts[odd[0]]}' is not a time.", cells.where(int(odd[0]), name))
     since, factor = _epoch(float(parsed[0])) or (None, 1.0)
     if since is not None and unit_text in (None, since):
         start = datetime.fromtimestamp(float(parsed[0]) / factor, UTC).isoformat()
@@ -282,12 +292,15 @@ def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | Non
     if not given and (length > _LONGEST or (unit_text is None and step >= _DAY)):
         said = f"in {unit_text}" if unit_text else "in seconds, because it names no unit,"
         raise RecordError(
-            f"read {said} it has {shown}, which no test of heat has. Give its unit: units={{'{name}': 'ms'}}, or 's' if that is right.",
+            f"read {said} it has {shown}, which is implausible for a thermal test. Give its unit: units={{'{name}': 'ms'}}, or 's' if "
+            "that is right.",
             cells.where(None, name),
         )
     if unit_text is None and step > _SLOW:
         return (f"'{name}' names no unit and was read in seconds: {shown}",)
-    return (f"a sample every {step:g} s is faster than temperatures change; check the unit of '{name}'",) if 0.0 < step < _FAST else ()
+    return (
+        (f"a sample every {step:g} s is faster than temperatures usually change. Check the unit of '{name}'",) if 0.0 < step < _FAST else ()
+    )
 
 
 def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
@@ -296,8 +309,8 @@ def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
         tail = name.rpartition("_")[2] if "_" in name else name
         if tail in ("min", "h"):
             raise RecordError(
-                f"its name ends in '{tail}', and without a unit it would be read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
-                f"write it into the header: '{name} [{tail}]'.",
+                f"its name ends in '{tail}', but without a unit it is read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
+                f"write the unit into the header: '{name} [{tail}]'.",
                 cells.where(None, name),
             )
         return 1e-3 if tail in ("ms", "millis", "millis()") else 1.0
@@ -316,8 +329,8 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
         if low < first < high:
             day = datetime(1899, 12, 30) + timedelta(days=first - zero)
             raise RecordError(
-                f"{first:g} looks like {kind} ({day:%Y-%m-%d %H:%M}), and would be read in seconds. "
-                f"Give units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
+                f"{first:g} looks like {kind} ({day:%Y-%m-%d %H:%M}), but without a unit it is read in seconds. Give "
+                f"units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
                 cells.where(0, name),
             )
 
@@ -366,7 +379,9 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
     for row, cell in enumerate(clock.texts):
         match = NUMERIC.match(cell.strip())
         if match is None:
-            raise RecordError(f"'{cell}' is no stamp as the first line has: '{clock.texts[0].strip()}'.", cells.where(row, clock.name))
+            raise RecordError(
+                f"'{cell}' is not a time stamp in the form of the first line: '{clock.texts[0].strip()}'.", cells.where(row, clock.name)
+            )
         matches.append(match)
     seconds = np.array([of_day(match) for match in matches])
     german = matches[0]["sign"] == "." and len(matches[0]["a"]) <= 2
@@ -387,15 +402,19 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
             kept[order] = values
     if not kept:
         raise RecordError(
-            f"no order of day, month and year makes times of this column that do not run back: '{clock.texts[0].strip()}' to "
-            f"'{clock.texts[-1].strip()}'. Sort the log, or give clock='%d/%m/%Y %H:%M:%S' or what it is.",
+            f"no order of day, month and year gives increasing times in this column: '{clock.texts[0].strip()}' to "
+            f"'{clock.texts[-1].strip()}'. Sort the log, or give clock='%d/%m/%Y %H:%M:%S' or the form used.",
             cells.where(0, clock.name),
         )
     order = _chosen(cells, clock, kept)
     if german or len(matches[0]["a"]) > 2:
         return kept[order], order, ()
     open_ = len(kept) > 1 and all(np.array_equal(values, kept[order]) for values in kept.values())
-    said = f"day and month of the stamps are open ({' or '.join(kept)}); the times are the same" if open_ else f"stamps read as {order}"
+    said = (
+        (f"the order of day and month in the stamps is ambiguous ({' or '.join(kept)}), but the times are the same")
+        if open_
+        else f"stamps read as {order}"
+    )
     return kept[order], " or ".join(kept) if open_ else order, (said,)
 
 
@@ -439,7 +458,7 @@ def _clock_times(cells: Cells, clock: Clock, form: re.Pattern[str], kind: str) -
     for row, cell in enumerate(clock.texts):
         match = form.match(cell.strip())
         if match is None:
-            raise RecordError(f"'{cell}' is no clock time {kind}, as the first line has.", cells.where(row, clock.name))
+            raise RecordError(f"'{cell}' is not a clock time {kind}, the form of the first line.", cells.where(row, clock.name))
         out[row] = _day_seconds(match[1], match[2], match[3], match[4] if form is HALF_DAY_CLOCK else None)
     return _past_midnight(out)
 
@@ -462,8 +481,8 @@ def _plain_stamps(cells: Cells, clock: Clock) -> FloatArray:
 
     def refusal(cell: str, error: ValueError) -> str:
         return (
-            f"'{cell}' is no time that is known: seconds, an ISO 8601 stamp, or HH:MM:SS. "
-            "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'."
+            f"'{cell}' is not a known time (seconds, an ISO 8601 stamp, or HH:MM:SS). Give its form, for example clock='%d.%m.%Y "
+            "%H:%M:%S', or clock='%H:%M'."
         )
 
     return _since_first(_datetimes(cells, clock, one_stamp, refusal))
@@ -494,7 +513,7 @@ def _datetimes(cells: Cells, clock: Clock, parse: Callable[[str], datetime], ref
             raise RecordError(refusal(cell, error), cells.where(row, clock.name)) from None
         if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
             raise RecordError(
-                f"'{cell}' and the first stamp differ in that one has a time zone. Write all with it, or none.",
+                f"'{cell}' and the first stamp differ: only one has a time zone. Write all with a time zone, or none.",
                 cells.where(row, clock.name),
             )
     return stamps

@@ -34,7 +34,7 @@ _UNIT_CELL: Final = re.compile(
     r"|m/s\^2|W/m[\^²]?2?|mg/m3|g/m3|%RH|rpm|ohms?|Ω|l/min|arb|degC|degF|Celsius|Volts?|Watts?|YYYY.*|dd.*|hh:mm.*|HH:MM.*|datetime|unit)[\])}]?\Z"
 )
 """Cells of a row of units."""
-_MEND: Final = "Mend it, put '#' before it, or give the separator."
+_MEND: Final = "Correct the line, put '#' before it, or give the separator."
 _LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
 """How a line may begin that holds no cells."""
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
@@ -72,7 +72,7 @@ class Cells:
     columns : list of tuples of str  Cells by column, in file order.
     lines : list of int              Line number of each row.
     notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
-    synthetic : bool                 Whether its first lines say so.
+    synthetic : bool                 Whether its first lines state this.
     reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
     resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
     certificates : mapping           The same for its certificate.
@@ -163,12 +163,12 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     else:  # all lines have as many cells, so the first three and the last two tell the rest
         rows, numbers = list(map(list, zip(*((*c[:3], *c[3:][-2:]) for c in columns), strict=True))), [number for number, _ in lines]
     if above:
-        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} passed over")
+        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} skipped")
     if all(is_number(name) for name in rows[0]):
         names = _comment_above(every, numbers[0], mark, len(rows[0]))
         if names is None:
             raise RecordError(
-                "the first line holds numbers; a header line with the names of the columns is needed above it.", f"{file}:{numbers[0]}"
+                "the first line holds numbers. Add a header line with the names of the columns above it.", f"{file}:{numbers[0]}"
             )
         rows, numbers = _rows(lines, mark, file)
         rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
@@ -186,17 +186,17 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
     rows, cut = _without_cut_line(rows, width, whole)
     if cut:
-        notes.append(f"line {numbers[-1]}, the last one, is cut short and was dropped")
+        notes.append(f"line {numbers[-1]}, the last one, is incomplete and was dropped")
         numbers = numbers[:-1]
     if columns is not None:
         columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
     if not rows:
-        raise RecordError("there is a header and no samples below it.", file)
+        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
     for row, number in zip(rows, numbers, strict=False):
         if len(row) != width:
             twice = mark == "," and len(row) == 2 * width
-            hint = "Commas seem to be the decimal sign too: export the log with semicolons." if twice else _MEND
-            raise RecordError(f"{len(row)} columns stand in this line, {width} in the header. {hint}", f"{file}:{number}")
+            hint = "Commas seem to be the decimal sign too. Export the log with semicolons." if twice else _MEND
+            raise RecordError(f"{len(row)} cells in this line, {width} columns in the header. {hint}", f"{file}:{number}")
     synthetic = any(
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
     )
@@ -341,9 +341,9 @@ def read_bytes(place: Path) -> bytes:
             if place.parent.is_dir()
             else " Its folder does not exist either."
         )
-        raise MissingDataError(f"there is no such file.{near} Check the path, or fetch the log first.", str(place))
+        raise MissingDataError(f"the file does not exist.{near} Check the path, or fetch the log first.", str(place))
     if place.is_dir():
-        raise RecordError("this is a folder; the path of one log is needed.", str(place))
+        raise RecordError("this is a folder. Give the path of one log.", str(place))
     data = files.read_bytes(place)
     if data[:2] == b"\x1f\x8b":
         try:
@@ -403,7 +403,7 @@ def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> st
     """
     if given is not None:
         if len(given) != 1 or given in '"\r\n':
-            raise RecordError(f"separator {given!r} is not one character, such as ',' or ';' or '\\t'.", file)
+            raise RecordError(f"separator {given!r} is not a single character. Give ',' or ';' or '\\t'.", file)
         return given
     # the last line of a log is often cut short
     looked = lines[:_LOOKED_AT] if len(lines) > _LOOKED_AT else lines[: max(2, len(lines) - 1)]
@@ -419,7 +419,8 @@ def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> st
         return usual[0]
     names = " and ".join(f"{_SEPARATORS[mark]} ({counts[mark][0]} columns)" for mark in usual)
     raise RecordError(
-        f"the separator is ambiguous: {names} both fit. Give separator='{usual[0] if usual[0] != chr(9) else chr(92) + 't'}' or the other.",
+        f"the separator is ambiguous: {names} are both possible. Give separator='{usual[0] if usual[0] != chr(9) else chr(92) + 't'}' "
+        "or the other.",
         file,
     )
 
@@ -434,7 +435,7 @@ def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list
             numbers.append(lines[reader.line_num - 1][0])
     except csv.Error as error:
         at = lines[min(len(rows), len(lines) - 1)][0]
-        raise RecordError(f"a quotation mark is out of place ({error}). Mend the line.", f"{file}:{at}") from None
+        raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", f"{file}:{at}") from None
     return rows, numbers
 
 

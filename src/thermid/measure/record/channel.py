@@ -132,7 +132,7 @@ class Channel:
         values, valid = frozen(self.values, np.float64), frozen(self.valid, np.bool_)
         masks = {reason: frozen(mask, np.bool_) for reason, mask in self.masks.items() if np.any(mask)}
         if values.ndim != 1 or any(each.shape != values.shape for each in (valid, *masks.values())):
-            raise RecordError("values, valid and masks must be one-dimensional and of one length.", where)
+            raise RecordError("values, valid and masks must be one-dimensional and of equal length.", where)
         if np.any(valid & ~np.isfinite(values)):
             raise RecordError("a valid sample is not finite. Mask it.", where)
         bare = ~valid & ~np.any([np.zeros_like(valid), *masks.values()], axis=0)
@@ -220,7 +220,7 @@ def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel
         far = abs(certificate.offset) / math.hypot(channel.accuracy, certificate.uncertainty)
         text += f" (before {channel.accuracy:.2g} K)"
         if far > 3.0:
-            text += f"; the offset is {far:.1f} times what the accuracy of its type allows: is it the right sensor?"
+            text += f"; the offset is {far:.1f} times the accuracy of its type. Check that this is the right sensor."
     return replace(channel, values=channel.values - mean, accuracy=sd, correction=channel.correction + mean), text
 
 
@@ -234,7 +234,7 @@ def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCe
     if part is None and certificate is None:
         return channel, []
     if channel.quantity != "temperature":
-        raise RecordError(f"it holds a {channel.quantity}; {', '.join(KEYS)} are of temperature sensors.", where)
+        raise RecordError(f"it holds a {channel.quantity}; {', '.join(KEYS)} apply to temperature sensors only.", where)
     notes = []
     if part is not None:
         channel, note = ranged(replace(channel, part=part), part)
@@ -341,7 +341,7 @@ class Samples:
         taken: dict[tuple[str, str], str] = {}
         for key, channel in self.channels.items():
             if key != channel.name:
-                raise RecordError(f"channel '{channel.name}' stands under the name '{key}'. Use one name.", where)
+                raise RecordError(f"channel '{channel.name}' is stored under another name, '{key}'. Use one name.", where)
             if channel.values.size != times.size:
                 raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where)
             if channel.target is not None and channel.role != "node":
@@ -351,7 +351,7 @@ class Samples:
                 if other != key:
                     raise RecordError(
                         f"channels '{other}' and '{key}' are both bound to {kind} '{channel.target}'. "
-                        "Bind one of them; several sensors of one node have the role 'node'.",
+                        "Bind one of them. For several sensors on one node use the role 'node'.",
                         where,
                     )
         object.__setattr__(self, "times", times)
@@ -414,7 +414,7 @@ def _moment(record: Samples, given: object, what: str) -> float:
     try:
         return amount(given, "s", what)
     except RecordError as error:
-        raise RecordError(f"{error.message} 'start' and 'end' are known too.", error.where) from None
+        raise RecordError(f"{error.message} 'start' and 'end' are allowed too.", error.where) from None
 
 
 def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
@@ -427,13 +427,13 @@ def stretch(record: Samples, start: object, end: object, what: str) -> tuple[Boo
     low, high = _moment(record, start, what), _moment(record, end, what)
     text = f"{format_value(low, 's')} to {format_value(high, 's')}"
     if high < low:
-        raise RecordError(f"its end lies before its start: {text}.", what)
+        raise RecordError(f"its end is before its start: {text}.", what)
     # a time written with few digits must still meet the sample that it names
     near = 1e-6 * record.step
     inside = (record.times >= low - near) & (record.times <= high + near)
     if not inside.any():
         axis = f"{format_value(record.times[0], 's')} to {format_value(record.times[-1], 's')}"
-        raise RecordError(f"no sample lies from {text}; record '{record.name}' runs from {axis}.", what)
+        raise RecordError(f"there is no sample from {text}; record '{record.name}' runs from {axis}.", what)
     return inside, text
 
 

@@ -143,7 +143,7 @@ class Record(Samples, Result):
         inside, text = stretch(self, start, end, "trim")
         kept = int(inside.sum())
         if kept < 2:
-            raise RecordError(f"only {kept} sample lies from {text}; two are needed.", "trim")
+            raise RecordError(f"only {kept} sample lies from {text}; at least two are needed.", "trim")
         channels = {name: each.taken(inside) for name, each in self.channels.items()}
         steps = (*self.steps, f"trim: {text}, {kept} of {inside.size} samples kept")
         return replace(self, times=self.times[inside], channels=channels, steps=steps)
@@ -187,12 +187,15 @@ class Record(Samples, Result):
         if step is None:
             intervals = np.diff(self.times)
             raise RecordError(
-                f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s); "
-                f"this filter needs an even grid. Resample first, for example to '{self.step:.3g} [s]', or use median.",
+                f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s), but "
+                f"this filter needs equal intervals. Resample first, for example to '{self.step:.3g} [s]', or use median.",
                 "filter",
             )
         if width <= 2 * step:
-            raise RecordError(f"{width:g} s is not above two steps of {step:g} s, so there is nothing to filter out.", "filter, window")
+            raise RecordError(
+                f"{width:g} s is not above two steps of {step:g} s, so the filter would have no effect. Give a larger width.",
+                "filter, window",
+            )
         channels = [replace(each, values=windows.low_pass(each.values, each.valid, step, width)) for each in chosen]
         names = ", ".join(each.name for each in chosen)
         return self._noted(f"filter: zero-phase Butterworth low-pass of second order, half amplitude at {width:g} s, on {names}", *channels)
@@ -227,7 +230,9 @@ class Record(Samples, Result):
         text += f"; {grid.size - count} instants of their changes kept" if switches else ""
         gaps = ", ".join(f"{each.name} {each.flags['gap']}" for each in channels.values() if "gap" in each.flags)
         raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
-        text += (f"; masked as gaps: {gaps}" if gaps else "") + ("; no filter before it, so single samples were picked" if raw else "")
+        text += (f"; masked as gaps: {gaps}" if gaps else "") + (
+            "; no filter was applied before, so single samples were taken" if raw else ""
+        )
         return replace(self, times=grid, channels=channels, steps=(*self.steps, text))
 
     def _switches(self, last: float) -> FloatArray:
@@ -341,7 +346,7 @@ class Record(Samples, Result):
         if offsets[0] == offsets[1] and rates[0] == rates[1]:
             return joint
         if self.second is not None or other.second is not None:
-            raise RecordError("one of them holds a clock already that a fit has to find. One at a time can be left open.", self.name)
+            raise RecordError("one of the logs has an unknown clock already. Only one clock at a time may be left to the fit.", self.name)
         ends = (float(self.times[0]), float(self.times[-1]))
         clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
         between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
@@ -350,10 +355,10 @@ class Record(Samples, Result):
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
         """Return the channels of both at one offset [s] and rate."""
         if not slowest > 0:
-            raise RecordError(f"a clock runs forward; its rate {slowest:g} must be above zero.", other.name)
+            raise RecordError(f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name)
         both = sorted(set(self.channels) & set(other.channels))
         if both:
-            raise RecordError(f"'{both[0]}' is a channel of both logs. Rename it in one of them.", f"{self.name}, {other.name}")
+            raise RecordError(f"'{both[0]}' is a channel in both logs. Rename it in one of them.", f"{self.name}, {other.name}")
         there = offset + rate * other.times
         if there[-1] <= self.times[0] or there[0] >= self.times[-1]:
             raise RecordError(
@@ -404,7 +409,7 @@ class Record(Samples, Result):
         for number, table in enumerate(steps, 1):
             where = f"record '{record.name}', prepare[{number}]"
             if not isinstance(table, Mapping) or len(table) != 1:
-                raise RecordError(f"{table!r} is no step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
+                raise RecordError(f"{table!r} is not a step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
             ((name, given),) = table.items()
             refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
             options = _options(STEPS[name], given, f"{where}, {name}")
@@ -492,7 +497,7 @@ class Record(Samples, Result):
         """Return the channels that a filter acts on: temperatures, and powers when asked."""
         chosen = [each for each in self.channels.values() if each.quantity == "temperature" or (powers and each.quantity == "power")]
         if not chosen:
-            raise RecordError(f"record '{self.name}' has no temperature channel to act on.", what)
+            raise RecordError(f"record '{self.name}' has no temperature channel, so this step has nothing to act on. Leave it out.", what)
         return chosen
 
     def _temperatures(self, names: Sequence[str] | None, what: str) -> list[Channel]:
@@ -566,7 +571,7 @@ def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[f
     """Return the range of a clock's offset or rate."""
     low, high = given if isinstance(given, tuple | list) else (given, given)
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-        raise RecordError(f"the range {low:g} .. {high:g} of its clock's {name} must go from a lower to a higher number.", where)
+        raise RecordError(f"the range {low:g} .. {high:g} of its clock's {name} must begin with the lower number.", where)
     return float(low), float(high)
 
 

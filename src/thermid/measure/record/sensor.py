@@ -67,7 +67,7 @@ class SensorCertificate:
             str(table.get("date", "")),
         )
         if found.uncertainty <= 0:
-            raise RecordError("its uncertainty must be above zero; a comparison without one says nothing.", where)
+            raise RecordError("its uncertainty must be above zero. Give that of the comparison.", where)
         return found
 
     def combined(self, accuracy: float | None) -> tuple[float, float]:
@@ -120,14 +120,14 @@ class SensorPart:
             if value < 0:
                 raise RecordError(f"its {key} is {value:g}; it cannot be negative.", where)
         if ("mass" in table) != ("specific_heat" in table):
-            raise RecordError("a mass needs its specific_heat beside it; or give both as one capacitance.", where)
+            raise RecordError("a mass needs specific_heat too. Give both, or capacitance instead.", where)
         if "mass" in table:
             if "capacitance" in table:
                 raise RecordError("its heat capacity is given twice: as capacitance, and as mass and specific_heat.", where)
             mass = amount(table["mass"], "kg", f"{where}, mass")
             found["capacitance"] = mass * amount(table["specific_heat"], "J/(kg K)", f"{where}, specific_heat")
         if found.get("lag_accuracy") and not found.get("lag"):
-            raise RecordError("a lag_accuracy needs the lag that it is of. Give lag = '20 [s]' beside it.", where)
+            raise RecordError("a lag_accuracy needs the lag it refers to. Give lag = '20 [s]' too.", where)
         low, high = _limits(table["range"], f"{where}, range") if "range" in table else (-math.inf, math.inf)
         conductance, to = _lead(table["lead"], f"{where}, lead") if "lead" in table else (0.0, "")
         if "certificate" in table and "gain_about" not in table:
@@ -147,7 +147,7 @@ class SensorPart:
 
 def _table(given: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
-        raise RecordError(f"{given!r} is no table; it has {', '.join(keys)}.", where)
+        raise RecordError(f"{given!r} is not a table. Give a table with {', '.join(keys)}.", where)
     refuse_unknown(given, keys, where)
     return given
 
@@ -156,7 +156,7 @@ def _lead(given: object, where: str) -> tuple[float, str]:
     """Return conductance [W/K] and other end of the leads."""
     table = _table(given, ("conductance", "to"), where)
     if set(table) != {"conductance", "to"}:
-        raise RecordError("a lead has a conductance and the node to which it loses heat, such as to = 'air'.", where)
+        raise RecordError("a lead needs a conductance and the node to which it loses heat, such as to = 'air'.", where)
     conductance = amount(table["conductance"], "W/K", f"{where}.conductance")
     if conductance < 0:
         raise RecordError(f"its conductance is {conductance:g}; it cannot be negative.", where)
@@ -165,7 +165,7 @@ def _lead(given: object, where: str) -> tuple[float, str]:
 
 def _limits(given: object, where: str) -> tuple[float, float]:
     if not isinstance(given, list | tuple) or len(given) != 2:
-        raise RecordError(f"{given!r} is no range; write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].", where)
+        raise RecordError(f"{given!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].", where)
     low, high = (amount(one, TEMPERATURE, where) for one in given)
     if low >= high:
         raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where)

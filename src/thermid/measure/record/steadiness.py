@@ -107,13 +107,13 @@ def rule_of(rule: str | StabilityRule) -> StabilityRule:
     rate = _RATE.match(text)
     if rate is None or float(rate["size"]) <= 0.0 or not (rate["per"] or rate["span"]):
         raise RecordError(
-            f"'{text}' is no rule of stability. There are {', '.join(RULES)}; one of your own is written like '0.5 K/h', "
+            f"'{text}' is not a rule of stability. Known rules: {', '.join(RULES)}. Write another one like '0.5 K/h', "
             f"'0.3 C/h over 2 h', '1 K over 3 h' or 'stored 3 %'.{nearest(text, RULES)}",
             "stability",
         )
     span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else 60.0) if rate["span"] else 0.0
     if rate["span"] and span <= 0.0:
-        raise RecordError(f"'{text}': a window of no length shows no change.", "stability")
+        raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability")
     per = span if not rate["per"] else HOUR if "h" in rate["per"] else 60.0
     same = next((r for r in RULES.values() if not r.stored and np.isclose(r.rate, float(rate["size"]) / per) and r.window == span), None)
     return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
@@ -302,17 +302,17 @@ def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float
     where = f"{record.name}, {name}"
     if rule.stored:
         raise RecordError(
-            f"'{rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate, or a model.",
+            f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
             where,
         )
     if channel.quantity != "temperature":
-        raise RecordError(f"it is a {channel.quantity}; a rule of stability holds for temperatures.", where)
+        raise RecordError(f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where)
     first = max(since, float(record.times[0]))
     if rule.window:
         if end - rule.window < first - 0.5 * record.step:
             raise RecordError(
-                f"'{rule.name}' looks back over {duration_text(rule.window)}, and the readings go back {duration_text(end - first)}. "
-                "Wait, or take a rule without a window.",
+                f"'{rule.name}' needs readings over {duration_text(rule.window)}, but the log has {duration_text(end - first)}. Wait, "
+                "or use a rule without a window.",
                 where,
             )
         return _judged(record, name, rule, end - rule.window, end)
@@ -458,7 +458,8 @@ class SteadyPoint(Generic[R]):
         lines = [f"{self.name}: mean of {duration_text(self.end - self.start)}", *(f"  {v}" for v in self.values.values())]
         if not self.corrected:
             lines.append(
-                "  without a time constant nothing is corrected: the errors hold the drift over the window; a slow approach can hide more"
+                "  no time constant is given, so nothing was corrected. The errors include the drift over the window; a slow "
+                "approach can hide a larger one"
             )
         return "\n".join(lines)
 
@@ -490,7 +491,7 @@ def steady_point(
     times = record.times[inside]
     most = amount(limit, "K/s", "limit")
     if most <= 0:
-        raise RecordError("the drift that counts as settled must be above zero.", "limit")
+        raise RecordError("the limit of the drift must be above zero.", "limit")
     values = {}
     for each in record.channels.values():
         constant = tau.get(each.name) if isinstance(tau, Mapping) else tau
@@ -514,8 +515,8 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
         line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
     if thermal and abs(line.rate) - SURE * line.rate_error > most:
         raise RecordError(
-            f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h that count as "
-            "settled. Take a later window, or set the limit if that drift is what the test is about.",
+            f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h allowed "
+            "for a steady point. Use a later window, or raise the limit if the test needs no better steadiness.",
             place,
         )
     parts = [line.error, step / 12**0.5 if line.scatter < step else 0.0]  # without dither a mean keeps the sensor's step

@@ -98,7 +98,7 @@ class Block:
     def __post_init__(self) -> None:
         """Turn texts into numbers, and refuse what makes no block."""
         if len(self.size) != 3 or len(self.cells) != 3:
-            raise DeckError("a block has a size and a number of cells in x, y and z.", self.title)
+            raise DeckError("give the size and the number of cells of a block in x, y and z.", self.title)
         cells = tuple(int(n) for n in self.cells)
         if min(cells) < 1 or cells != tuple(self.cells):
             raise DeckError(f"the numbers of cells must be whole and at least one, not {self.cells}.", self.title)
@@ -149,12 +149,12 @@ class Block:
         """
         where = f"{self.title}, {name}"
         if not _NAME.match(name) or name in self.heaters:
-            raise DeckError("a heater needs a name of its own, of letters, digits and _, beginning with a letter.", where)
+            raise DeckError("give each heater its own name: letters, digits and _, beginning with a letter.", where)
         if (box is None) == (cells is None):
-            raise DeckError("a heater sits in a box or in cells; give one of them.", where)
+            raise DeckError("give the place of a heater as a box or as cells, not both.", where)
         chosen = self._in_box(box, where) if cells is None else cells
         if len(chosen) != 3 or any(not range(*s.indices(n)) for s, n in zip(chosen, self.cells, strict=True)):
-            raise DeckError("no cell lies there.", where)
+            raise DeckError("no cell of the block lies in this box. Correct the coordinates.", where)
         return replace(self, heaters={**self.heaters, name: Heater(chosen, signal(power, "W", where))})
 
     def _in_box(self, box: Any, where: str) -> tuple[slice, slice, slice]:
@@ -185,15 +185,15 @@ class Block:
         where = f"{self.title}, exchange with {to}"
         table = htc if isinstance(htc, Mapping) else {"coefficient": htc if htc is not None else 0.0, "exponent": 0.0}
         if set(table) != {"coefficient", "exponent"}:
-            raise DeckError("a coefficient that changes with temperature has coefficient and exponent.", where)
+            raise DeckError("give coefficient and exponent of a coefficient that depends on temperature.", where)
         coefficient = _number(table["coefficient"], "W/(m^2 K)", where) if table["coefficient"] else 0.0
         exponent, emits = float(table["exponent"]), float(emissivity)
         if coefficient < 0 or not 0.0 <= emits <= 1.0 or not 0.0 <= exponent <= 1.0 or not (coefficient or emits):
-            raise DeckError(
-                "faces exchange by a coefficient above zero, an emissivity from 0 to 1, or both; exponents go from 0 to 1.", where
-            )
+            raise DeckError("give a coefficient above zero, an emissivity from 0 to 1, or both; an exponent lies from 0 to 1.", where)
         if emits and htc is None:
-            raise DeckError("an emissivity and no htc would be no convection in silence. Give htc; htc = 0 where nothing convects.", where)
+            raise DeckError(
+                "the face has an emissivity but no htc, so it would have no convection. Give htc, or htc = 0 if that is intended.", where
+            )
         new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits, radiates_to or to)
         return replace(self, exchanges=(*self.exchanges, new))
 
@@ -243,7 +243,7 @@ class Block:
         index = tuple(int(g) for g in found.groups()) if found else ()
         if not index or any(i >= n for i, n in zip(index, self.cells, strict=True)):
             last = ",".join(str(n - 1) for n in self.cells)
-            raise NameNotFoundError(f"no cell '{name}'; they go from cell[0,0,0] to cell[{last}].", self.title)
+            raise NameNotFoundError(f"no cell '{name}'. Cells go from cell[0,0,0] to cell[{last}].", self.title)
         return int(np.ravel_multi_index(index, self.cells))
 
     def name(self, place: int) -> str:
@@ -296,7 +296,7 @@ def _faces(given: str | Iterable[str], where: str) -> tuple[str, ...]:
 
 def _boundary(name: str, where: str) -> str:
     if not _NAME.match(name):
-        raise DeckError("a boundary needs a name of letters, digits and _, beginning with a letter.", where)
+        raise DeckError("give the boundary a name of letters, digits and _, beginning with a letter.", where)
     return name
 
 
@@ -343,11 +343,14 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
     DeckError   When the block has too many cells, or a power that changes in time.
     """
     if block.count > MOST_CELLS:
-        raise DeckError(f"a model of {block.count} cells would be slow; at most {MOST_CELLS}. Simulate the block itself.", block.title)
+        raise DeckError(
+            f"a model of {block.count} cells would be slow; the limit is {MOST_CELLS}. Simulate the block itself, or use fewer cells.",
+            block.title,
+        )
     for name, heater in block.heaters.items():
         if not isinstance(heater.power, Constant):
             raise DeckError(
-                f"the power of '{name}' changes in time. Give the heater its full power and let the scenario command its loads.",
+                f"the power of '{name}' changes in time. Give the heater its full power, and a command for its loads in the scenario.",
                 block.title,
             )
     names = [f"c{'_'.join(str(i) for i in index)}" for index in np.ndindex(*block.cells)]

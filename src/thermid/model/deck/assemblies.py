@@ -26,7 +26,7 @@ from thermid.units import unit
 WORST: Final = 0.3
 """Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;
 Lasance); JESD15-3 (2008) defines the model and states no bound. From memory: check before quoting. [-]"""
-WHY_WORST: Final = "two-resistor models miss the rise of a junction by up to 30 % in published worst cases"
+WHY_WORST: Final = "in published worst cases two-resistor models are wrong by up to 30 % of the junction's temperature rise"
 Where = Callable[[str], str]
 
 
@@ -154,23 +154,24 @@ class PackageTable(StrictTable):
         for psi, (theta, reading) in READINGS.items():
             if getattr(self, psi) is not None and getattr(self, theta) is None and (theta == "theta_JB" or self.top or self.lid):
                 raise DeckError(
-                    f"{psi} is a reading, {reading} with the power of the whole package, and no resistance of a path: in its test most "
-                    f"heat goes another way (JESD51-12). Give {theta} for the path.",
+                    f"{psi} is not a thermal resistance. It is a characterisation parameter, {reading} with the power of the whole "
+                    f"package; in its test most heat takes another path (JESD51-12). Give {theta} instead.",
                     where(psi),
                 )
         if self.theta_JB is None and self.theta_JC is None:
-            raise DeckError("a package has theta_JB, theta_JC, or both.", where(""))
+            raise DeckError("give theta_JB, theta_JC, or both, for a package.", where(""))
         if self.theta_JC is not None and not (self.lid or self.top):
             raise DeckError(
-                'theta_JC leads to the top of the case, and nothing takes heat there. Give top = { to = "air", area = ..., htc = ..., '
-                "emissivity = ... }, or lid = a node with top = { resistance = ... } for what lies between; or leave theta_JC out.",
+                'theta_JC leads to the top of the case, but nothing removes heat there. Give top = { to = "air", area = ..., htc = ..., '
+                "emissivity = ... }; or lid = a node, with top = { resistance = ... } for the interface; or leave theta_JC out.",
                 where("theta_JC"),
             )
         if self.theta_JC is None and (self.lid or self.top):
             raise DeckError("top and lid need theta_JC, the resistance from the junction to the top of the case.", where(""))
         if self.lid and not self.top:
             raise DeckError(
-                "a lid needs what lies between it and the case: top = { resistance = ... }, { conductance = ... } or { conductivity, area, "
+                "give the thermal resistance between lid and case: top = { resistance = ... }, { conductance = ... } or { "
+                "conductivity, area, "
                 "thickness }.",
                 where("lid"),
             )
@@ -191,7 +192,7 @@ class LadderTable(StrictTable):
         """Return its deck: nodes `junction`, `n2`, `n3` ... with capacitances, resistances between them and to the node `to`."""
         if (self.foster is None) == (self.cauer is None):
             raise DeckError(
-                "a ladder has foster or cauer: rows of [resistance, capacitance], those of foster also [resistance, time].", where("")
+                "give a ladder as foster or cauer: rows of [resistance, capacitance]; for foster also [resistance, time].", where("")
             )
         kind = "foster" if self.foster is not None else "cauer"
         given = self.foster or self.cauer or []
@@ -223,7 +224,7 @@ def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], s
     for row, place in rows_of_file(file, where, read, ("R",)):
         second = row.get("C", row.get("tau"))
         if set(row) not in ({"R", "C"}, {"R", "tau"}):
-            raise DeckError("a rung has R [K/W], and C [J/K] or tau [s]; no other columns.", place)
+            raise DeckError("the columns of a ladder are R [K/W], and C [J/K] or tau [s]; no others.", place)
         out.append(([str(row["R"]), str(second)], place))
     return out
 
@@ -238,7 +239,7 @@ def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
     timed = kind == "foster" and found is not None and found.unit.dimension == unit("s").dimension
     second = literal(row[1], "s" if timed else "J/K", where)
     if not (0.0 < resistance < float("inf") and 0.0 < second < float("inf")):
-        raise DeckError(f"row {row}: a resistance and a capacitance (or time) of a ladder are above zero and finite.", where)
+        raise DeckError(f"row {row}: resistance and capacitance (or time) of a ladder must be above zero and finite.", where)
     return resistance, second / resistance if timed else second
 
 
@@ -283,7 +284,9 @@ def cauer_of_foster(rungs: list[tuple[float, float]], where: str = "") -> list[t
         numerator = _plus(numerator, [-resisting * d for d in denominator])[:-1]
         out.append((float(resisting), float(storing)))
     if not all(0.0 < r < float("inf") and 0.0 < c < float("inf") for r, c in out):
-        raise DeckError("the Foster ladder has times so close together that it has no Cauer ladder in numbers. Join them.", where)
+        raise DeckError(
+            "two time constants of the Foster ladder are too close for the conversion to a Cauer ladder. Merge them into one.", where
+        )
     return out
 
 
@@ -321,7 +324,7 @@ class CoolerTable(StrictTable):
         units = COOLER_UNITS | {"T_hot": "temperature"}
         v, i, d, t = (literal(getattr(self, key), units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
         if not (v > 0.0 and i > 0.0 and 0.0 < d < t):
-            raise DeckError("V_max, I_max and dT_max are above zero, and dT_max is below T_hot in kelvin.", where(""))
+            raise DeckError("V_max, I_max and dT_max must be above zero, and dT_max below T_hot in kelvin.", where(""))
         parameters: dict[str, Any] = {
             key: {"value": getattr(self, key), "source": "datasheet"} for key in ("V_max", "I_max", "dT_max", "T_hot")
         }
@@ -402,10 +405,11 @@ class FanTable(StrictTable):
         points = [(literal(v, "m^3/s", where("curve")), literal(p, "Pa", where("curve"))) for v, p in self.curve]
         for (v0, p0), (v1, p1) in pairwise(points):
             if not v1 > v0 >= 0.0:
-                raise DeckError("the flows of a fan's curve increase from zero or above.", where("curve"))
+                raise DeckError("the flows of a fan's curve must increase, from zero or above.", where("curve"))
             if not p1 < p0:
                 raise DeckError(
-                    f"the pressure of a fan's curve falls as the flow rises; from {v0:g} to {v1:g} m^3/s it does not. Leave its stall out.",
+                    f"the pressure of a fan's curve must fall with flow; from {v0:g} to {v1:g} m^3/s it does not. Leave the stall "
+                    "region out.",
                     where("curve"),
                 )
         return points
@@ -414,14 +418,14 @@ class FanTable(StrictTable):
         """Return the quadratic resistance, given itself or by one point of the system."""
         if (self.resistance is None) == (self.passes is None):
             raise DeckError(
-                "a fan needs the resistance of its system, or passes = [flow, pressure], a point of it; one of them.", where("")
+                "give either the resistance of the fan's system, or passes = [flow, pressure], a point of its curve.", where("")
             )
         if self.resistance is not None:
             return self.resistance
         assert self.passes is not None
         flow, pressure = (literal(text, unit_, where("passes")) for text, unit_ in zip(self.passes, ("m^3/s", "Pa"), strict=True))
         if not (flow > 0.0 and pressure > 0.0):
-            raise DeckError("a system passes a flow above zero at a pressure above zero.", where("passes"))
+            raise DeckError("passes needs a flow above zero and a pressure above zero.", where("passes"))
         return f"{pressure / flow**2!r} [Pa s^2/m^6]"
 
 

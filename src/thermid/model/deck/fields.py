@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, Field
 
-from thermid.grammar import StrictTable, or_instance, reads
+from thermid.grammar import Real, StrictTable, or_instance, reads
 from thermid.model.laws.curves import Curve, curve
 from thermid.model.laws.options import Source
 from thermid.model.laws.signal import literal
@@ -19,9 +19,6 @@ from thermid.model.tree.model import Model
 Where = Callable[[str], str]
 """Key below an element, or none for the element itself -> its place in the deck."""
 NO_CONVECTION = "0 [W/(m^2 K)]"
-
-Real: TypeAlias = Annotated[float, Field(strict=True)]
-"""A number; true and false are none."""
 
 
 class ValueTable(StrictTable):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.arguments import takes_objects
 from thermid.errors import DeckError, nearest
 from thermid.expression import NAME, RESERVED
+from thermid.extensions import by_grammar, grammar_of
 from thermid.files import read_text
 from thermid.model.deck.rows import written_out
 from thermid.model.parts.parameter import Parameter, parameter
@@ -23,15 +24,15 @@ from thermid.toml_files import Places, read_toml, resolve_inside
 
 if TYPE_CHECKING:
     from thermid.model.deck.assemblies import Assembly
-    from thermid.model.deck.schema import Deck
 
+SCHEMA = "thermid.model.deck.schema"
 DEEPEST = 20
 ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
 """Groups of a deck whose elements are small decks."""
 _OTHERS = (
-    ({"tests", "limits"}, "this is a qualification plan, not a deck. `thermid plan` reads it."),
-    ({"duration"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
-    ({"boundaries"}, "this is a scenario, not a deck. It is laid over a deck with --scenario."),
+    ({"tests", "limits"}, "this is a qualification plan, not a deck. Run `thermid plan` on it."),
+    ({"duration"}, "this is a scenario, not a deck. Give the deck, and this file with --scenario."),
+    ({"boundaries"}, "this is a scenario, not a deck. Give the deck, and this file with --scenario."),
 )
 """Keys by which a file of another kind is known."""
 
@@ -61,11 +62,11 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
     if here in trail:
         raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name)
     if len(trail) >= DEEPEST:
-        raise DeckError(f"decks use decks over more than {DEEPEST} levels.", path.name)
+        raise DeckError(f"decks are nested deeper than {DEEPEST} levels. Merge some levels.", path.name)
     if here not in known:
         data, lines = read_toml(path)
         if "stages" in data and "records" in data:
-            raise DeckError("this is a campaign, not a deck; the decks of its stages stand under 'model'.", path.name)
+            raise DeckError("this is a campaign, not a deck. Give a deck named under 'model' of its stages.", path.name)
         for keys, said in _OTHERS:
             if keys <= set(data) and not {"nodes", "submodels"} & set(data):
                 raise DeckError(said, path.name)
@@ -129,13 +130,12 @@ def model_from_dict(
     ------
     DeckError       When it does not follow the grammar; every fault is listed.
     """
-    from thermid.model.deck.schema import Deck, fields_of_groups, tables_of
-
     where = Places(file or str(data.get("title", "deck")), lines or {})
     if data.get("tables"):
-        data, lines = written_out(data, tables_of(data["tables"], where), where, read, fields_of_groups())
+        tables = grammar_of(f"{SCHEMA}.tables_of")(data["tables"], where)
+        data, lines = written_out(data, tables, where, read, grammar_of(f"{SCHEMA}.fields_of_groups")())
         where = Places(where.file, lines)
-    deck = Deck.from_file(data, where)
+    deck = by_grammar("deck", data, where)
     site = _Site(where, use, read)
     elements: dict[str, Any] = {
         group: {name: table.element(site.below(f"{group}.{name}")) for name, table in getattr(deck, group).items()} for group in TABLES
@@ -173,14 +173,14 @@ def _line(where: Places, key: str) -> int | str | None:
     return where.lines.get(key) or where.lines.get(key.partition(".")[0])
 
 
-def _parts(deck: Deck, site: _Site) -> Iterator[tuple[str, Instances]]:
+def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
     """Yield key and parts of everything that a deck uses or that stands for a small deck."""
     for name, used in deck.submodels.items():
         key = f"submodels.{name}"
         if isinstance(used.use, Model):
             part, definition = used.use, definition_of(used.use)
         elif site.use is None:
-            raise DeckError("a file can be used from a deck only; give a Model here.", site.where(f"{key}.use"))
+            raise DeckError("a file name works in a deck file only. Here pass a Model: td.load_model(file).", site.where(f"{key}.use"))
         else:
             part, definition = site.use(used.use, site.where(f"{key}.use"))
         below = site.below(key)
@@ -212,22 +212,24 @@ def _check_names(model: Model) -> None:
     given += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
     for name, key, what in given:
         if not NAME.match(name) or "." in name:
-            raise DeckError(f"'{name}' is no name: letters, digits and _ only, not starting with a digit.", model.where(key))
+            raise DeckError(f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
         if name in model.parameters and (iskeyword(name) or name in RESERVED):
-            raise DeckError(f"'{name}' is a word that expressions cannot hold as a name. Choose another one.", model.where(key))
+            raise DeckError(f"'{name}' is a reserved word of expressions. Choose another name.", model.where(key))
         if name in seen:
-            raise DeckError(f"'{name}' is already the name of {seen[name]}. A model has one namespace.", model.where(key))
+            raise DeckError(
+                f"'{name}' is already the name of {seen[name]}. Names in a model must differ; choose another one.", model.where(key)
+            )
         seen[name] = what
     for alias in model.aliases:
         key = f"aliases.{alias}"
         if not NAME.match(alias):
-            raise DeckError(f"'{alias}' is no name: letters, digits and _ only, not starting with a digit.", model.where(key))
+            raise DeckError(f"'{alias}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
         if alias in seen:
-            raise DeckError(f"'{alias}' is already the name of {seen[alias]}; an alias would hide it.", model.where(key))
+            raise DeckError(f"'{alias}' is already the name of {seen[alias]}. Choose another alias.", model.where(key))
         trail = [alias]
         while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
             if step in trail:
-                raise DeckError(f"the alias '{alias}' leads in a circle: {' -> '.join([*trail, step])}.", model.where(key))
+                raise DeckError(f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}.", model.where(key))
             trail.append(step)
 
 

@@ -47,7 +47,7 @@ def written_out(
         key = f"tables.{title}"
         refuse_unknown([table.makes], grammar, where(f"{key}.makes"), "a table makes {known}; not '{}'.", DeckError)
         if bool(table.file) == bool(table.rows):
-            raise DeckError("a table has a file or rows; one of them.", where(key))
+            raise DeckError("give either file or rows for a table.", where(key))
         found = rows_of_file(table.file, where(f"{key}.file"), read, (NAME,)) if table.file else _from_list(table.rows, where(key))
         group = dict(out.get(table.makes, {}))
         for row, place in found:
@@ -56,7 +56,7 @@ def written_out(
                 raise DeckError(f"a row needs a {NAME}.", place)
             if name in group:
                 before = places.get(f"{table.makes}.{name}")
-                also = f" It stands at {before} too." if isinstance(before, str) else " The deck has one of this name."
+                also = f" It is defined at {before} too." if isinstance(before, str) else " The deck defines it too."
                 raise DeckError(f"'{name}' is the name of another of the {table.makes}.{also}", place)
             group[name] = _nested(table.each, row, grammar[table.makes], place)
             places[f"{table.makes}.{name}"] = place
@@ -82,16 +82,20 @@ def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, 
     DeckError   With file and line.
     """
     if read is None:
-        raise DeckError("a file can be used from a deck only; give rows here.", where)
+        raise DeckError("a table file works in a deck file only. Here give rows.", where)
     lines = [(n, line) for n, line in enumerate(read(name, where).splitlines(), start=1) if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
-        raise DeckError(f"'{name}' has no rows: a first line names the columns, each further line is one element.", where)
+        raise DeckError(
+            f"'{name}' has no rows. Write the names of the columns in the first line, and one element in each further line.", where
+        )
     sign = ";" if ";" in lines[0][1] and "," not in lines[0][1] else ","
     cells = list(csv.reader((line for _, line in lines), delimiter=sign, skipinitialspace=True))
     heads = [_HEADER.match(cell.strip()) for cell in cells[0]]
     for cell, head in zip(cells[0], heads, strict=True):
         if head is None:
-            raise DeckError(f"'{cell}' is no head of a column: a field, and its unit in brackets: theta_JC [K/W].", f"{name}:{lines[0][0]}")
+            raise DeckError(
+                f"'{cell}' is not a valid column heading. Write a field and its unit in brackets: theta_JC [K/W].", f"{name}:{lines[0][0]}"
+            )
     keys = [head["key"] for head in heads if head]
     twice = next((k for k in keys if keys.count(k) > 1), None)
     missing = next((k for k in wanted if k not in keys), None)
@@ -102,7 +106,7 @@ def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, 
     for (number, _), row in zip(lines[1:], cells[1:], strict=True):
         place = f"{name}:{number}"
         if len(row) != len(heads):
-            raise DeckError(f"the line has {len(row)} cells for {len(heads)} columns. A text with '{sign}' in it stands in quotes.", place)
+            raise DeckError(f"the line has {len(row)} cells for {len(heads)} columns. A text with '{sign}' in it must be in quotes.", place)
         given = zip(heads, (cell.strip() for cell in row), strict=True)
         out.append(({head["key"]: _cell(cell, head["unit"]) for head, cell in given if head and cell}, place))
     return out
@@ -124,13 +128,13 @@ def _nested(each: Mapping[str, Any], row: Mapping[str, Any], fields: Any, place:
     out: dict[str, Any] = _copied(each)
     for key, value in row.items():
         head = key.partition(".")[0]
-        refuse_unknown([head], fields, place, "'{}' is no field of what the table makes.", DeckError)
+        refuse_unknown([head], fields, place, "'{}' is not a field of the elements of this table.", DeckError)
         *groups, last = _steps(key)
         here = out
         for group in groups:
             here = here.setdefault(group, {})
             if not isinstance(here, dict):
-                raise DeckError(f"'{key}': '{group}' is a value and a group at once.", place)
+                raise DeckError(f"'{key}': '{group}' is used as a value and as a group of values.", place)
         here[last] = value
     return out
 

@@ -72,7 +72,7 @@ def _one_file(one: Path, other: Path) -> bool:
 
 def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
     if path in files and files[path].identity() != model.identity():
-        raise DeckError(f"two different submodels would be written to '{path.name}'. Give them different titles.")
+        raise DeckError(f"two different submodels would be saved in the same file '{path.name}'. Give them different titles.")
     files[path] = model
     for part in model.submodels.values():
         _collect(part.model, path.parent / _file_name(part.model.title), files)

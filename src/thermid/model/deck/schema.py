@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
 from thermid.errors import DeckError, ThermidError, nearest
-from thermid.grammar import StrictTable, reads
+from thermid.grammar import Real, StrictTable, reads
 from thermid.model.deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model.deck.fields import (
     Coefficient,
@@ -22,7 +22,6 @@ from thermid.model.deck.fields import (
     ElementTable,
     Points,
     Property,
-    Real,
     Tabulated,
     UsedTable,
     Value,
@@ -99,9 +98,9 @@ class NodeTable(ElementTable):
         if self.enthalpy is not None:
             tables["enthalpy"] = self.enthalpy.of("enthalpy", where("enthalpy"))
         if tables and (set(fields) != {"mass"} or len(tables) > 1):
-            raise DeckError("a table of specific heat or of enthalpy stands beside a mass, and beside nothing else.", where(""))
+            raise DeckError("a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.", where(""))
         if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
-            raise DeckError("a node has mass and specific_heat, or capacitance, or nothing (a massless node).", where(""))
+            raise DeckError("give a node mass and specific_heat, or capacitance, or neither (a massless node).", where(""))
         cools = self._supercooling(melts, where)
         return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
 
@@ -134,8 +133,8 @@ class NodeTable(ElementTable):
         plain = isinstance(heat, Parameter) and bool(heat.unit) and heat == Parameter(heat.expression)
         if texts and (self.enthalpy is not None or not {"latent_heat", "melts_from"} <= set(texts) or not plain):
             raise DeckError(
-                "a node that melts has mass, specific_heat, latent_heat and melts_from as plain quantities, and may have melts_to and"
-                " liquid_specific_heat; or it has a table of enthalpy.",
+                "for a node that melts give mass, specific_heat, latent_heat and melts_from as plain quantities, and melts_to and "
+                "liquid_specific_heat if needed; or give a table of enthalpy.",
                 where(""),
             )
         return texts
@@ -182,21 +181,25 @@ class SurfaceTable(ElementTable):
         fields = self.parameters(("area", "htc", "effective_htc", "emissivity", "absorptance"))
         if self.effective_htc is not None and self.htc is not None:
             raise DeckError(
-                "a surface has htc (convection alone) or effective_htc (convection and radiation together, as fitted in air), not both.",
+                "give a surface either htc (convection alone) or effective_htc (convection and radiation together, as fitted in "
+                "air), not both.",
                 where(""),
             )
         if self.finish:
             fields.setdefault("emissivity", finish_emissivity(self.finish, where("finish")))
         if self.htc is None and not {"effective_htc", "emissivity"} & set(fields):
-            raise DeckError("a surface exchanges nothing: give htc, effective_htc, emissivity or finish.", where(""))
+            raise DeckError("the surface exchanges no heat. Give htc, effective_htc, emissivity or finish.", where(""))
         if self.sees and self.radiates_to:
-            raise DeckError("sees and radiates_to are one thing under two names. Give sees.", where(""))
+            raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""))
         words = self.words(KINDS["convection"].words)
         controls = {what: control_names(given) for what in ("htc", "emissivity") if (given := getattr(self, f"{what}_control"))}
         if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
-            raise DeckError("emissivity_control needs an emissivity or a finish, beside htc.", where("emissivity_control"))
+            raise DeckError(
+                "emissivity_control has nothing to control. Give an emissivity or a finish, and htc for the convection.",
+                where("emissivity_control"),
+            )
         if "htc" in controls and self.htc is None and self.effective_htc is None:
-            raise DeckError("htc_control needs htc or effective_htc.", where("htc_control"))
+            raise DeckError("htc_control has nothing to control. Give htc or effective_htc.", where("htc_control"))
         sees = self.sees or self.radiates_to
         return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
 
@@ -224,9 +227,9 @@ class JointTable(ElementTable):
         """Return the joint."""
         fields = self.parameters(("area", "contact_conductance", "conductivity", "thickness", "gap"))
         if {f for f in fields if not f.startswith("gap.")} not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
-            raise DeckError("a joint needs area and contact_conductance, or area, conductivity and thickness, of each half.", where(""))
+            raise DeckError("give a joint area and contact_conductance; or area, conductivity and thickness of each half.", where(""))
         if self.between[0] == self.between[1]:
-            raise DeckError("a joint needs two surfaces; both ends are the same one.", where(""))
+            raise DeckError("both ends of the joint are the same surface. Name two different surfaces.", where(""))
         return Joint(self.between, fields, self.mid, self.gap.to if self.gap is not None else "", self.test_only)
 
 
@@ -260,9 +263,11 @@ class PlaceTable(StrictTable):
         elif given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
             made = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
         else:
-            raise DeckError("a place has corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where)
+            raise DeckError(
+                "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where
+            )
         if not (0.0 < made.area < float("inf") and any(made.first)):
-            raise DeckError("a place needs sides, a radius, a normal or an axis above zero.", where)
+            raise DeckError("sides, radius, normal and axis of a place must not be zero.", where)
         return made
 
 
@@ -287,7 +292,7 @@ class EnclosureTable(ElementTable):
         ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
         if len(ways) != 1:
             raise DeckError(
-                "an enclosure has places, shape, view_factors or exchange_factors, one of them; given: "
+                "give an enclosure exactly one of places, shape, view_factors and exchange_factors; given: "
                 f"{' and '.join(ways) or 'none of them'}.",
                 where(""),
             )
@@ -298,19 +303,22 @@ class EnclosureTable(ElementTable):
             if matrix and {len(matrix), *map(len, matrix)} != {size}:
                 raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
         if self.rest and self.exchange_factors:
-            raise DeckError("exchange factors hold all that a face sees; give the rest a face of its own, or leave it out.", where(""))
+            raise DeckError(
+                "exchange factors include everything that a face sees, so rest does not apply. Add the rest as a face, or leave it out.",
+                where(""),
+            )
         dimensions = {n: literal(v, "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
         if self.shape:
             _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where(""))
         elif dimensions:
-            raise DeckError("dimensions belong to a shape.", where(""))
+            raise DeckError("dimensions are given, but no shape. Give shape, or leave dimensions out.", where(""))
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
 
     def _seen(self, where: Where) -> tuple[tuple[float, ...], ...]:
         """Return the view factors of faces that have a place each."""
         if set(self.places) != set(self.faces):
             odd = sorted(set(self.places) ^ set(self.faces))[0]
-            raise DeckError(f"every face has a place and every place is a face; '{odd}' is not both.", where("places"))
+            raise DeckError(f"faces and places must have the same names; '{odd}' is only one of them.", where("places"))
         placed = [self.places[name].placed(where(f"places.{name}")) for name in self.faces]
         _, factors, _ = placed_factors(tuple(placed), tuple(self.faces), where=where("places"))
         return tuple(map(tuple, factors.tolist()))
@@ -326,13 +334,17 @@ def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, f
     if missing:
         raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
     if not all(0.0 < d < float("inf") for d in dimensions.values()):
-        raise DeckError("every dimension of a shape is above zero and finite.", where)
+        raise DeckError("every dimension of a shape must be above zero and finite.", where)
     if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
         raise DeckError("the inner radius must be smaller than the outer one.", where)
     missing = [f for f in shape.faces if f not in faces]
     if (missing or len(shape.faces) == 2) and not rest:
         also = f" ({', '.join(missing)} left out)" if missing else ""
-        raise DeckError(f"the faces of '{name}'{also} do not close it. Name what the rest sees: rest = a node.", where)
+        raise DeckError(
+            f"the faces of '{name}'{also} do not close it: their view factors sum to less than 1. Name the node that "
+            "fills the rest of the view: rest = a node.",
+            where,
+        )
 
 
 class Periodic(StrictTable):
@@ -357,10 +369,12 @@ class CycleTable(StrictTable):
         if self.period is not None:
             end = literal(self.period, "s", where)
             if not end > times[-1]:
-                raise DeckError("the period is over before the last row; leave it out where the last row ends it.", where)
+                raise DeckError(
+                    "the period ends before the last row. Give a longer period, or leave it out if the last row is its end.", where
+                )
             times, values = [*times, end], [*values, values[0]]
         if times[0] != 0.0:
-            raise DeckError("a cycle begins at 0 s.", where)
+            raise DeckError("the first row of a cycle must be at 0 s.", where)
         made = Cycle(tuple(times), tuple(values), self.hold)
         try:
             made.signal()
@@ -422,23 +436,23 @@ class LoadTable(ElementTable):
         controls = [c for c in CONTROLS if getattr(self, c) is not None]
         curved = [f for f in fields if f.endswith("_coefficient")]
         if (self.power is None) == (shape is None):
-            raise DeckError("a load has power, or a table of power over temperature; one of them.", where(""))
+            raise DeckError("give a load either power, or a table of power over temperature.", where(""))
         if len(controls) > 1:
-            raise DeckError(f"{' and '.join(controls)} cannot both control one load. Split it into two loads.", where(""))
+            raise DeckError(f"{' and '.join(controls)} cannot both control one load. Define two loads.", where(""))
         if curved and shape is not None:
-            raise DeckError(f"{curved[0]} and a table are two laws of one temperature; put both into the table.", where(""))
+            raise DeckError(f"{curved[0]} and a table are both laws of the same temperature. Put both into the table.", where(""))
         if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
-            raise DeckError("proportional needs gain [W/K] or band [K]; one of them.", where("proportional"))
+            raise DeckError("give proportional either gain [W/K] or band [K].", where("proportional"))
         if "proportional.gain" in fields and self.control is not None:
-            raise DeckError("a gain in W/K refers to a power, which a control changes. Give band in K.", where("proportional"))
+            raise DeckError("a gain in W/K needs a fixed power, but the control changes it. Give band in K.", where("proportional"))
         if "proportional.gain" in fields and shape is not None:
-            raise DeckError("a gain in W/K refers to a power, which a table has not. Give band in K.", where("proportional"))
+            raise DeckError("a gain in W/K needs a fixed power, but this power is a table. Give band in K.", where("proportional"))
         if curved and self.reference_temperature is None:
             raise DeckError(f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(""))
         if self.exponential_coefficient is not None and len(curved) > 1:
-            raise DeckError("exponential_coefficient and the polynomial coefficients exclude one another.", where(""))
+            raise DeckError("give either exponential_coefficient or the polynomial coefficients.", where(""))
         if self.scale is not None and shape is None:
-            raise DeckError("scale belongs to a table of power; for a constant power change power itself.", where(""))
+            raise DeckError("scale applies to a table of power only. For a constant power change power itself.", where(""))
         sensor = getattr(self, controls[0]).sensor if controls else ""
         cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
         by = control_names(self.control)
@@ -507,16 +521,19 @@ class ControlTable(ElementTable):
         kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
         if len(kinds) != 1:
             said = f"; given: {' and '.join(kinds)}" if kinds else ""
-            raise DeckError(f"a control is one of {', '.join(KINDS_OF_CONTROL)}{said}.", where(""))
+            raise DeckError(f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{said}.", where(""))
         kind = kinds[0]
         if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
             raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
         follows = followed(self.follows, where("follows")) if self.follows is not None else {}
         sample = literal(self.sample, "s", where("sample")) if self.sample is not None else 0.0
         if self.sample is not None and not sample > 0.0:
-            raise DeckError("a sample time lies above zero.", where("sample"))
+            raise DeckError("a sample time must be above zero.", where("sample"))
         if sample and kind not in ("proportional", "pid", "table"):
-            raise DeckError(f"a sample time belongs to proportional, pid or table; {kind} acts at the instant it is due.", where("sample"))
+            raise DeckError(
+                f"a sample time applies to proportional, pid or table. {kind} switches at the exact instant; leave sample out.",
+                where("sample"),
+            )
         fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in CONTROL_SLOTS))
         fields |= {f"modes.{name}": value for name, value in (self.modes or {}).items()}
         self._check(kind, follows, fields, where)
@@ -531,33 +548,33 @@ class ControlTable(ElementTable):
     def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
         """Refuse what does not go together in one control."""
         if kind != "modes" and (self.transitions or self.starts):
-            raise DeckError("starts and transitions belong to modes.", where(""))
+            raise DeckError("starts and transitions apply to modes only.", where(""))
         if kind == "modes" and not (self.starts and self.transitions):
             raise DeckError("modes need starts (the mode at the start) and transitions.", where(""))
         if kind == "thermostat":
             ends = {name.partition(".")[2] for name in fields}
             if ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}):
                 raise DeckError(
-                    "a thermostat has on_below and off_above (it heats), or on_above and off_below (it cools).", where("thermostat")
+                    "give a thermostat on_below and off_above (heating), or on_above and off_below (cooling).", where("thermostat")
                 )
         if kind == "pid":
             derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
             if len(derived) == 1:
-                raise DeckError("a derivative needs derivative_time and filter_time, both.", where("pid"))
+                raise DeckError("the derivative part of a PID control needs both derivative_time and filter_time.", where("pid"))
             if len(follows) > (1 if derived else 2):
                 raise DeckError(
-                    f"a PID control follows one node with a derivative part, two without; {len(follows)} are given.", where("pid")
+                    f"a PID control may follow one node with a derivative part, two without; {len(follows)} are given.", where("pid")
                 )
         if kind == "table" and isinstance(self.table, Points):
             if self.table.over == "difference" and not of_difference(follows):
                 raise DeckError("a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.", where("table"))
             if self.table.outside == "refuse":
-                raise DeckError("a control's table is held or goes on outside its points; it cannot refuse a temperature.", where("table"))
+                raise DeckError("outside = 'refuse' is not possible for a control's table. Leave it out, or use 'hold'.", where("table"))
 
     def _transition(self, t: TransitionTable, where: str) -> ModeChange:
         senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
         if len(senses) != 1:
-            raise DeckError("a transition has one of above, below (a temperature) and after (a time in its mode).", where)
+            raise DeckError("give a transition exactly one of above, below (a temperature) and after (a time in its mode).", where)
         return ModeChange(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
@@ -584,12 +601,12 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
         return
     if fluid not in ("", LIQUID):
         raise DeckError(
-            f"no fluid is called '{fluid}'.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+            f"'{fluid}' is not a known fluid.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
         )
     whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
     if not whole:
-        what = f"of {fluid}" if fluid else "that names no fluid"
-        cure = "" if fluid else '. A gas brings both with it: fluid = "air"'
+        what = f"of {fluid}" if fluid else "without a fluid"
+        cure = "" if fluid else '. For a gas give fluid = "air"; density and specific heat then follow'
         raise DeckError(
             f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
             f"Given: {', '.join(sorted(given))}.",
@@ -601,13 +618,13 @@ def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: st
     """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
     if not {"tilt", "aspect"} & set(words):
         if "convection_factor" in fields:
-            raise DeckError("a convection_factor belongs to a gap that convects: give tilt and aspect.", where)
+            raise DeckError("convection_factor applies to a gap that convects only. Give tilt and aspect too.", where)
         return
     if not {"tilt", "aspect"} <= set(words):
-        raise DeckError('a gap that convects has tilt ("0 [deg]": its first end below) and aspect (height over thickness).', where)
+        raise DeckError('a gap that convects needs both tilt ("0 [deg]": first end below) and aspect (height over thickness).', where)
     tilt, aspect = degrees(words["tilt"], where), literal(words["aspect"], "1", where)
     if not (0.0 <= tilt <= 180.0 and 1.0 <= aspect < float("inf")):
-        raise DeckError(f"a gap has a tilt from 0 to 180 degrees and an aspect of 1 or more, not {tilt:g} and {aspect:g}.", where)
+        raise DeckError(f"the tilt of a gap must be 0 to 180 degrees and its aspect 1 or more; given: {tilt:g} and {aspect:g}.", where)
     fields.setdefault("convection_factor", gap_scatter(words, where))
 
 
@@ -640,20 +657,21 @@ class _ConductorTable(ElementTable):
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
-            raise DeckError("reversible belongs to a flow; of a gas to one that is given as mass_flow.", where("reversible"))
+            raise DeckError("reversible applies to a flow only; for a gas the flow must be a mass_flow.", where("reversible"))
         points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
             raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
         if points is not None and (points.y < 0).any():
             k = int(np.argmax(points.y < 0))
             raise DeckError(
-                f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K; with a negative conductance heat would flow uphill.",
+                f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K. A conductance must not be negative: heat would flow "
+                "from cold to hot.",
                 where(""),
             )
         if self.between[0] == self.between[1]:
             raise DeckError("both ends are the same node.", where(""))
         if self.takes and "area" not in fields:
-            raise DeckError("it takes area from a surface but has no area of its own.", where("takes"))
+            raise DeckError("it takes area from a surface but gives no area. Give area.", where("takes"))
         law = shape if points is None else limited(points)
         by = control_names(self.control)
         return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
@@ -661,8 +679,8 @@ class _ConductorTable(ElementTable):
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
         kind = KINDS[self.kind]
-        fields = self.parameters(dict.fromkeys(s.partition(".")[0] for k in KINDS.values() for s in k.slots))
-        words = self.words(frozenset().union(*(k.words for k in KINDS.values())))
+        fields = self.parameters(name for name in _SLOTS if name in self.model_fields_set)
+        words = self.words(_WORDS)
         odd = sorted(set(words) - kind.words)
         if odd:
             raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where)
@@ -676,6 +694,11 @@ class _ConductorTable(ElementTable):
             )
             raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where)
         return fields, words
+
+
+_SLOTS = tuple(dict.fromkeys(slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots))
+_WORDS = frozenset[str]().union(*(kind.words for kind in KINDS.values()))
+"""Fields and words of all kinds of conductors."""
 
 
 def _with_fields_of_kinds() -> type[_ConductorTable]:
@@ -769,11 +792,6 @@ def tables_of(written: Mapping[str, Any], where: Where) -> dict[str, RowsTable]:
         name: RowsTable.from_file(raw, lambda inner, name=name: where(f"tables.{name}.{inner}".rstrip(".")))  # type: ignore[misc]
         for name, raw in written.items()
     }
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a deck, for editors."""
-    return Deck.model_json_schema()
 
 
 assert set(LoadTable.model_fields) >= {slot.partition(".")[0] for slot in LOAD_SLOTS}

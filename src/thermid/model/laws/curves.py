@@ -23,9 +23,9 @@ INTERPOLATIONS: Final = ("linear", "smooth")
 OUTSIDE: Final = ("hold", "linear", "refuse")
 """What a table is outside its points; the first is the default."""
 LEAST: Final = 0.01
-"""Part of its last value down to which a quantity above zero goes on as a straight line; beyond, the run is refused. [-]"""
+"""Part of its last value down to which a quantity above zero is extended as a straight line; beyond, the run is refused. [-]"""
 FAR: Final = 1e5
-"""How far a table goes on as a straight line; no temperature of a run is that high. [K]"""
+"""How far a table is extended as a straight line; no temperature of a run is that high. [K]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ def curve(
     columns = np.array(points).T
     x, y, *slope = (np.ascontiguousarray(c) for c in columns)
     if (interpolation == "smooth" or slope) and (np.diff(x) == 0.0).any():
-        raise DeckError("two points at one temperature are a step, which a smooth table does not have; leave out the slopes.", where)
+        raise DeckError("the table has a step (two points at one temperature), so it cannot have slopes. Leave out the slopes.", where)
     return Curve(over, x, y, slope[0] if slope else None, (), source, basis, interpolation, outside)
 
 

@@ -41,7 +41,7 @@ def law(
     function : callable         Takes kelvin, an array or one number; returns a conductance [W/K], or for a load a power [W].
     over : str                  What it takes: 'temperature', the mean of a conductor's ends or that of a load's node; or 'difference', the
                                 first end's less the second's, of both signs.
-    between : (low, high)       Range over which it is asked; constant beyond, and a run that leaves the range says so. [K]
+    between : (low, high)       Range over which it is asked; constant beyond, and a run that leaves the range states this. [K]
     tolerance : float           Largest relative error between points; where the function is smaller than a thousandth of its largest
                                 value, relative to that. A kink is rounded over 1 mK. [-]
     source, basis : str         Kind of source, as of a value of a deck, and what the function rests on.
@@ -55,9 +55,9 @@ def law(
     slot = "temperature" if over == "temperature" else "K"
     low, high = (literal(b, slot, "law, between") if isinstance(b, str) else float(b) for b in between)
     if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):
-        raise DeckError(f"between {low:g} K and {high:g} K there is no range; give the lower end first.", "law, between")
+        raise DeckError(f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between")
     if not 1e-12 <= tolerance < 1.0:
-        raise DeckError(f"a tolerance of {tolerance:g} cannot be kept; give one from 1e-12 up.", "law, tolerance")
+        raise DeckError(f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.", "law, tolerance")
     asked = _Asked(function)
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
     knots, values, slopes = _refined(asked, x, tolerance)
@@ -84,7 +84,9 @@ class _Asked:
         found = np.broadcast_to(found, at.shape)
         bad = ~np.isfinite(found)
         if bad.any():
-            raise DeckError(f"the function is {found[bad][0]} at {at[bad][0]:.9g} K. Mend it there, or choose another range.", "law")
+            raise DeckError(
+                f"the function is {found[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.", "law"
+            )
         return found
 
     def _one(self, x: float) -> float:
@@ -158,7 +160,7 @@ def _refuse_jumps(asked: _Asked, x: Array, sharp: Indices, largest: float) -> No
         left = abs(values[1] - values[0])
         if left > 0.5 * change and left > 1e-9 * largest:
             raise DeckError(
-                f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}; a law must be continuous."
-                " Join both sides over a few hundredths of a kelvin, or use a thermostat.",
+                f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}. A law must be continuous. Connect "
+                "both sides over a few hundredths of a kelvin, or use a thermostat.",
                 "law",
             )

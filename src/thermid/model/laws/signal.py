@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -185,8 +186,9 @@ class TableSignal:
         size = max(float(np.ptp(self.values)), 1e-12 * float(np.abs(self.values).max()))
         if abs(float(self.values[-1] - self.values[0])) > 1e-9 * size:
             raise ScenarioError(
-                f"a table that repeats ends where it begins: its last row, at {self.times[-1]:g} s, has {self.values[-1]:.6g} and its "
-                f"first {self.values[0]:.6g} (SI). Give the first value once more at the end, or the length of it all: period = '24 [h]'."
+                f"a table that repeats must end with its first value. Its last row, at {self.times[-1]:g} s, has "
+                f"{self.values[-1]:.6g} and its "
+                f"first {self.values[0]:.6g} (SI). Repeat the first value at the end, or give the period: period = '24 [h]'."
             )
 
     @property
@@ -265,7 +267,7 @@ class TableSignal:
         first, last = self.span
         beyond = times[(times < first - 1e-6) | (times > last + 1e-6)]
         if beyond.size:
-            raise ScenarioError(f"it is known from {first:g} to {last:g} s, and asked for at {beyond[0]:g} s.", where)
+            raise ScenarioError(f"it is known from {first:g} to {last:g} s, but requested at {beyond[0]:g} s.", where)
         return self.at(times)
 
     def retimed(self, law: Callable[[Array], Array]) -> TableSignal:
@@ -623,8 +625,8 @@ def check_span(given: Signal, end: float, where: str) -> None:
     first, last = given.span
     if last < end:
         raise ScenarioError(
-            f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. Say what holds beyond: after = 'hold' (its last value) or "
-            "'repeat'; or give it to the end, or end the run.",
+            f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. State the value beyond its end: after = 'hold' (its "
+            "last value) or 'repeat'; or give it up to the end, or shorten the run.",
             where,
         )
     if first > 0.0:
@@ -729,8 +731,8 @@ def _samples(count: float, period: float) -> int:
     """
     if count > MOST_SAMPLES:
         raise ScenarioError(
-            f"a period of {period:g} s would take {count:.3g} samples for this run, and at most {MOST_SAMPLES:.0e} are made. "
-            "Give a longer period, its mean in place of it, or a shorter run.",
+            f"a period of {period:g} s would take {count:.3g} samples for this run, more than the limit of {MOST_SAMPLES:.0e}. "
+            "Give a longer period, its mean instead, or a shorter run.",
             "a periodic signal",
         )
     return int(np.ceil(count)) + 1
@@ -763,9 +765,11 @@ def literal(text: str | float, slot: str, where: str = "") -> float:
     ThermidError   When it is not a number, or of another dimension.
     """
     try:
+        if isinstance(text, bool) or not isinstance(text, str | Real):
+            raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.")
         expression = parse(text if isinstance(text, str) else repr(float(text)))
         if expression.literal is None:
-            raise ScenarioError(f"'{text}' must be a number with a unit; names have no value here.")
+            raise ScenarioError(f"'{text}' must be a number with a unit; names of parameters are not allowed here.")
         require_unit(expression.literal.unit, slot)
         return expression.literal.value
     except ThermidError as error:
@@ -802,7 +806,7 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
         return TableSignal(np.asarray(value[0], dtype=float), np.asarray(value[1], dtype=float))
     if isinstance(value, str | int | float):
         return Constant(literal(value, slot, where))
-    raise ScenarioError("a signal is a value with a unit, a table of times and values, or a sine.", where)
+    raise ScenarioError("give a signal as a value with a unit, a table of times and values, or a sine.", where)
 
 
 def own_signal(value: Any, where: str = "") -> Any:
@@ -814,7 +818,8 @@ def own_signal(value: Any, where: str = "") -> Any:
     """
     if not isinstance(value, Mapping):
         return value
-    first = next(iter(value.get("values", ())), None) if "values" in value else value.get("mean")
+    rows = value.get("values", ())
+    first = next(iter(rows if isinstance(rows, Sequence | np.ndarray) else ()), None) if "values" in value else value.get("mean")
     if first is None:
         return signal(value, "1", where)
     try:
@@ -833,7 +838,10 @@ def _column(values: Sequence[str | float], slot: str, where: str) -> Array:
 
 def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     """Read the table form of a signal."""
-    keys = set(value)
+    keys = {str(key) for key in value}
+    for key in ("times", "values"):
+        if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray)):
+            raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where)
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         try:
             rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
@@ -846,7 +854,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
         if period <= 0:
             raise ScenarioError("a sine needs a period above zero.", where)
         amplitude = literal(value["amplitude"], difference, where)
-        return Sine(literal(value["mean"], slot, where), amplitude, period, float(value.get("phase", 0.0)))
+        return Sine(literal(value["mean"], slot, where), amplitude, period, literal(value.get("phase", 0.0), "1", where))
     raise ScenarioError(
         f"a signal is a table of times and values (hold, before, after, period, samples), or of mean, amplitude and period (phase), not of "
         f"{', '.join(sorted(keys))}.",
@@ -864,15 +872,17 @@ def conducted(rows: TableSignal, said: Mapping[str, Any], where: str) -> TableSi
     samples, after = str(said.get("samples", "")), str(said.get("after", ""))
     if samples == "average":
         if said.get("hold"):
-            raise ScenarioError("samples that are averages are steps anyway, each to its stamp; leave hold out.", where)
+            raise ScenarioError("samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where)
         rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log)
     if "period" in said:
         if after != "repeat":
-            raise ScenarioError("a period belongs to after = 'repeat'.", where)
+            raise ScenarioError("a period applies to after = 'repeat' only. Add it, or leave the period out.", where)
         length = literal(said["period"], "s", where)
         if not length > float(rows.times[-1] - rows.times[0]):
             raise ScenarioError(
-                f"a period of {length:g} s is over before the last row of its table; leave it out where the last row ends it.", where
+                f"a period of {length:g} s ends before the last row of its table. Give a longer period, or leave it out if the last "
+                "row is its end.",
+                where,
             )
         rows = replace(rows, times=np.append(rows.times, rows.times[0] + length), values=np.append(rows.values, rows.values[0]))
     return replace(rows, samples=samples or rows.samples, after=after, before=str(said.get("before", "")))

@@ -105,7 +105,7 @@ class HeatStore:
         return self._at(np.asarray(kelvin, dtype=float), liquid)[1]
 
     def begins(self, kelvin: Any) -> tuple[Array, Array]:
-        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures: a melt where the deck says so."""
+        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures; a melt where the deck states it."""
         at = np.asarray(kelvin, dtype=float)
         solid = self.level(at), self.share(at)
         if self.melt is None or self.melt.given.starts != "liquid":
@@ -132,12 +132,12 @@ def tabulated(name: str, given: Curve, where: str) -> Curve:
     DeckError   When it is not over temperature, or holds values that no material has.
     """
     if given.over != "temperature":
-        raise DeckError(f"{name} is a table over temperature.", where)
+        raise DeckError(f"{name} must be a table over temperature.", where)
     if given.x[0] <= COLDEST or given.x[-1] >= HOTTEST:
-        raise DeckError(f"{name} is a table between {COLDEST:g} and {HOTTEST:g} K.", where)
+        raise DeckError(f"the points of {name} must lie between {COLDEST:g} and {HOTTEST:g} K.", where)
     if name == "enthalpy" and (np.diff(given.y) <= 0.0).any():
         k = int(np.argmax(np.diff(given.y) <= 0.0))
-        raise DeckError(f"an enthalpy grows with temperature; it does not from {given.x[k]:.6g} to {given.x[k + 1]:.6g} K.", where)
+        raise DeckError(f"an enthalpy must increase with temperature; it does not from {given.x[k]:.6g} to {given.x[k + 1]:.6g} K.", where)
     if name == "enthalpy" and (np.diff(given.x)[[0, -1]] == 0.0).any():
         raise DeckError("an enthalpy needs a point below and a point above the temperature at which it melts.", where)
     if name != "enthalpy" and (given.y <= 0.0).any():
@@ -166,7 +166,7 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
         raise DeckError("specific heats and the latent heat of a node that melts must be above zero.", where)
     low, high = 1.5 * COLDEST, HOTTEST - 1.0
     if not low < begins <= ends < high:
-        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K cannot be; melts_to lies at or above melts_from.", where)
+        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K is not possible. Give melts_to at or above melts_from.", where)
     solid = heat * (begins - low)
     molten = solid + latent + 0.5 * (heat + liquid) * (ends - begins)
     return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
@@ -246,7 +246,10 @@ def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> 
         x, y, d = _integral(given)
         reference = float(value_and_slope(given, np.clip([ROOM], x[0], x[-1]))[0][0])
     if not (d > 0.0).all():
-        raise DeckError(f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; a temperature has no enthalpy of its own there.")
+        raise DeckError(
+            f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "
+            "table or its slopes there."
+        )
     x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
     y, d = COLDEST + (y - y[0]) / reference, d / reference
     rise = Curve("temperature", x, y, d)
@@ -264,7 +267,9 @@ def _melt(given: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
     liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
     k = int(np.searchsorted(x, liquidus, side="right")) - 1
     if not (0 < k < x.size - 1 and x[k] == liquidus):
-        raise DeckError(f"melts_to = {liquidus:.6g} K is no point of the enthalpy; supercooling counts from one.")
+        raise DeckError(
+            f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it."
+        )
     if not (supercooling.degree > 0.0 and nucleation > COLDEST):
         raise DeckError(f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.")
     rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])

@@ -103,11 +103,14 @@ def followed(written: object, where: str) -> dict[str, float]:
         nodes = [str(node) for node in written]  # type: ignore[attr-defined]  # checked by the grammar
         out = {node: 1.0 / len(nodes) for node in nodes}
     if not 0 < len(out) <= MOST_NODES:
-        raise DeckError(f"a control follows one to {MOST_NODES} nodes; {len(out)} are given. Join more by a node without mass.", where)
+        raise DeckError(
+            f"a control follows one to {MOST_NODES} nodes; {len(out)} are given. Connect more to a massless node and follow that.", where
+        )
     total = sum(out.values())
     if not (abs(total) < 1e-9 or abs(total - 1.0) < 1e-9):
         raise DeckError(
-            f"the weights of what a control follows sum to {total:g}; give weights that sum to one (a temperature) or zero (a difference).",
+            f"the weights of the nodes that a control follows sum to {total:g}; give weights that sum to one (a temperature) or zero "
+            "(a difference).",
             where,
         )
     return out
@@ -150,7 +153,7 @@ def check_modes(control: Control, where: str) -> None:
     """
     modes = [name.partition(".")[2] for name in control.fields if name.startswith("modes.")]
     if len(modes) < 2:
-        raise DeckError("modes need two names at least, each with its share.", where)
+        raise DeckError("give at least two modes, each with its share.", where)
     named = {"starts": control.starts} | {
         f"transitions.{name}.{end}": mode for name, t in control.transitions.items() for end, mode in (("from", t.before), ("to", t.after))
     }
@@ -163,4 +166,4 @@ def check_modes(control: Control, where: str) -> None:
     reached = {control.starts, *(t.after for t in control.transitions.values())}
     lost = [mode for mode in modes if mode not in reached]
     if lost:
-        raise DeckError(f"nothing leads to the mode '{lost[0]}'. Write a transition to it, or leave it out.", where)
+        raise DeckError(f"no transition leads to the mode '{lost[0]}'. Add a transition to it, or remove the mode.", where)

@@ -78,7 +78,7 @@ class _Exchange:
         for face, number in zip(self.faces, grey, strict=True):
             if not 0.0 < value_of(number) <= 1.0:
                 raise DeckError(
-                    f"an emissivity of {value_of(number):g} does not exist in an enclosure; give '{face.path}' one above 0, up to 1.",
+                    f"the emissivity of '{face.path}' is {value_of(number):g}. In an enclosure it must be above 0, up to 1.",
                     self.where,
                 )
         size = np.array([value_of(a) for a in areas])
@@ -143,10 +143,14 @@ def pairs(path: str, enclosure: Enclosure, faces: Sequence[Face], rest: str, whe
     """
     for face in faces:
         if face.surface.is_effective or "emissivity" not in face.surface.fields:
-            why = "its effective_htc holds radiation already" if face.surface.is_effective else "it has no emissivity"
+            why = "its effective_htc includes radiation already" if face.surface.is_effective else "it has no emissivity"
             raise DeckError(f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where)
         if face.surface.sees:
-            raise DeckError(f"'{face.path}' radiates to '{face.surface.sees}' and in '{path}'. Leave sees out.", where)
+            raise DeckError(
+                f"'{face.path}' radiates to '{face.surface.sees}' and in the enclosure '{path}', so its radiation would "
+                "count twice. Leave sees out.",
+                where,
+            )
     fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
     exchange = _Exchange(path, enclosure, faces, bool(rest), where)
     nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])

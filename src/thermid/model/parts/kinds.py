@@ -69,12 +69,12 @@ class Law:
             return (self,)
         x, y = zip(*self.points, strict=True)
         if self.form != "table" or self.over not in HINGES or self.medium != "solid":
-            raise DeckError(f"points make a table of a solid over {' or '.join(HINGES)}; this law is '{self.form}' over {self.over}.")
+            raise DeckError(f"a table of points applies to a solid over {' or '.join(HINGES)}; this law is '{self.form}' over {self.over}.")
         if any(not value_of(b) > value_of(a) for a, b in pairwise(x)):
             shown = ", ".join(f"{value_of(each):.6g}" for each in x)
             raise DeckError(f"a table needs increasing temperatures; its points lie at {shown} K.")
         if any(value_of(each) < 0.0 for each in y):
-            raise DeckError("a table would have a negative conductance; heat would flow uphill.")
+            raise DeckError("the table has a negative conductance; heat would flow from cold to hot. Correct the table.")
         scale = self.coefficients[0]
         lines = [0.0, *((d - c) / (b - a) for (a, c), (b, d) in pairwise(self.points)), 0.0]
         hinges = [Law(HINGES[self.over], (scale * (after - before), at)) for (before, after), at in zip(pairwise(lines), x, strict=True)]
@@ -113,7 +113,9 @@ class Kind:
 def _from_resistance(resistance: Number) -> Number:
     """Return 1/R; infinite resistance is no conductance, zero resistance is refused."""
     if value_of(resistance) == 0.0:
-        raise DeckError("a zero resistance would make two nodes one. Merge them, or give a small resistance above zero.")
+        raise DeckError(
+            "the resistance is zero, so both nodes would have one temperature. Merge the nodes, or give a small resistance above zero."
+        )
     return 1.0 / resistance
 
 
@@ -123,9 +125,7 @@ def _conduction(f: Fields) -> Law:
     if "conductance" in f:
         return Law("linear", (f["conductance"],))
     if value_of(f["thickness"]) == 0.0:
-        raise DeckError(
-            "a zero thickness is a zero resistance, which would make two nodes one. Merge them, or give a thickness above zero."
-        )
+        raise DeckError("the thickness is zero, so both nodes would have one temperature. Merge the nodes, or give a thickness above zero.")
     if "conductivity" not in f:  # a table over temperature, integrated: the area over the length is left
         return Law("potential", (f["area"] / f["thickness"],))
     return Law("linear", (conduction.slab_conductance(f["conductivity"], f["area"], f["thickness"]),))
@@ -150,7 +150,7 @@ def _gas(f: Fields) -> Law:
         raise DeckError("a gap needs a distance above zero.")
     share = f.get("accommodation", ACCOMMODATION)
     if not 0.0 < value_of(share) <= 1.0:
-        raise DeckError(f"an accommodation of {value_of(share):g} does not exist; give one above 0, up to 1.")
+        raise DeckError(f"the accommodation coefficient is {value_of(share):g}. Give a value above 0, up to 1.")
     return Law("gas", (f["area"], f["gap"], share, f.get("convection_factor", 1.0)), "rest")
 
 
@@ -215,7 +215,7 @@ def _in_duct(f: Fields, base: Number, fins: Number, slope: Number, diameter: Num
         raise DeckError("a duct needs a diameter (or a width and a height) and a length above zero.")
     flow, by_volume = (f["mass_flow"], 0.0) if "mass_flow" in f else (f["volume_flow"], 1.0)
     if value_of(flow) < 0.0:
-        raise DeckError("the flow through a duct is given without a sign.")
+        raise DeckError("the flow through a duct is negative. Give its magnitude.")
     return Law("linear", (base, fins, slope, diameter, f["length"], flow / section, developed, by_volume), "duct")
 
 
@@ -279,7 +279,7 @@ def _bolted(f: Fields) -> tuple[Law, ...]:
         raise DeckError("a filler needs area (of the whole joint), filler_conductivity and filler_thickness.")
     rest = f["area"] - zone
     if value_of(rest) < 0.0:
-        raise DeckError("its screws press more than the area of the joint. Give a larger area, or smaller washers.")
+        raise DeckError("the contact area under the screws is larger than the joint. Give a larger area, or smaller washers.")
     return Law("linear", (screws,)), Law("linear", (conduction.slab_conductance(f["filler_conductivity"], rest, f["filler_thickness"]),))
 
 
@@ -291,14 +291,14 @@ def _wedge_lock(f: Fields) -> tuple[Law, ...]:
         return (Law("linear", (whole,)),)
     solid = edges / f["vacuum_resistance_length"]
     if value_of(solid) > value_of(whole):
-        raise DeckError("in vacuum a wedge lock has more resistance than in air, not less.")
+        raise DeckError("the resistance in vacuum is below that in air. Give a vacuum_resistance_length at or above resistance_length.")
     return Law("linear", (solid,)), Law("linear", (whole - solid,), "gas")
 
 
 def _spreading(f: Fields) -> Law:
     """Return a small source on a plate, from the mean of the source to the plate's far side."""
     if not value_of(f["source_area"]) < value_of(f["plate_area"]):
-        raise DeckError('a source is smaller than its plate. Where it covers the plate use kind = "conduction".')
+        raise DeckError('the source must be smaller than its plate. If it covers the plate, use kind = "conduction".')
     spread = conduction.spreading_resistance(f["conductivity"], f["source_area"], f["plate_area"], f["thickness"], f.get("htc"))
     return Law("linear", (1.0 / (spread + f["thickness"] / (f["conductivity"] * f["plate_area"])),))
 

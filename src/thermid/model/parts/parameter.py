@@ -107,7 +107,7 @@ class Standing:
         ValueError   When there is no such state.
         """
         if table["state"] not in ORDER:
-            raise ValueError(f"there is no standing '{table['state']}'")
+            raise ValueError(f"unknown state '{table['state']}'")
         beside = tuple(cls.read(s) for s in table.get("beside", ()))
         return cls(table["state"], str(table["because"]), str(table["stage"]), bool(table.get("accepted", False)), beside)
 
@@ -210,7 +210,7 @@ def _bound(value: Any, expression: Expression) -> float | None:
 def _written_number(value: Any) -> str:
     """Return the text of a number that was given without one."""
     if isinstance(value, bool) or value != value or not hasattr(value, "__float__"):
-        raise DeckError(f"{value!r} is no value. Write a text with a unit, '2.5 [W]', or a number.")
+        raise DeckError(f"{value!r} is not a value. Write a text with a unit, '2.5 [W]', or a number.")
     return repr(float(value))
 
 
@@ -234,15 +234,16 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         unknown = set(table) - {"value", "min", "max", "source", "note", "basis"}
         if unknown or "value" not in table:
             raise DeckError(
-                f"a parameter has value, min, max, source, note and basis, not {', '.join(sorted(unknown)) or 'a table without value'}."
+                "the keys of a parameter are value, min, max, source, note and basis; given: "
+                f"{', '.join(sorted(unknown)) or 'a table without value'}."
             )
         raw = table["value"]
         expression = parse(raw if isinstance(raw, str) else _written_number(raw))
         low, high = _bound(table.get("min"), expression), _bound(table.get("max"), expression)
         if low is not None and high is not None and low > high:
-            raise DeckError(f"its minimum {table['min']} is above its maximum {table['max']}. Bounds are never swapped silently.")
+            raise DeckError(f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.")
         source = table.get("source", "")
-        refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is none of {known}.", error=DeckError)
+        refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
         return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
 
 
@@ -258,6 +259,4 @@ def check_bounds(value: float, given: Parameter, where: str) -> None:
             word = "below" if beyond < 0 else "above"
             of = unit(given.unit or "1")
             shown = [f"{from_si(v, of):.6g}" for v in (value, bound)]
-            raise DeckError(
-                f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Values are never moved into bounds silently.", where
-            )
+            raise DeckError(f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Correct the value or the bound.", where)

@@ -103,7 +103,7 @@ def _check_chain(use: Use, part: Model, where: Callable[[str], str]) -> None:
     if not use.chain:
         return
     if len(use.count) != 1:
-        raise DeckError("a chain runs along one count. Join rows and columns by links.", where("chain"))
+        raise DeckError("a chain needs a single count. Connect rows and columns by links.", where("chain"))
     for need, offered in use.chain.items():
         if need not in part.needs:
             raise DeckError(f"'{part.title}' needs {', '.join(part.needs) or 'nothing'}, not '{need}'.", where("chain"))
@@ -136,7 +136,7 @@ def _linked(
     """Yield the conductors between neighbours; the values of the first are those of all."""
     there = set(places)
     if links and len(places) < 2:
-        raise DeckError("links join neighbours; give a count of 2 or more.", where("links"))
+        raise DeckError("links need neighbours. Give a count of 2 or more.", where("links"))
     for link, conductor in links.items():
         first = ""
         for place in places:
@@ -161,5 +161,5 @@ def merged(into: dict[str, Any], more: Mapping[str, Any], where: str) -> None:
     """
     for name, each in more.items():
         if name in into:
-            raise DeckError(f"'{name}' is made here and stands in the deck too. Leave one of them out.", where)
+            raise DeckError(f"'{name}' is generated here and defined in the deck too. Remove one of them.", where)
         into[name] = each

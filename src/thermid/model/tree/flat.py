@@ -251,7 +251,11 @@ def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> t
                 path, part, part_prefix = names.surface(owner, prefix, raw, f"{key}.faces.{face}")
                 surface = part.surfaces[path.rpartition(".")[2]]
                 if path in enclosed:
-                    raise DeckError(f"'{raw}' is a face of '{enclosed[path]}' already; a surface radiates once.", owner.where(key))
+                    raise DeckError(
+                        f"'{raw}' is a face of '{enclosed[path]}' already, so its radiation would count twice. List the "
+                        "surface in one enclosure only.",
+                        owner.where(key),
+                    )
                 enclosed[path] = prefix + name
                 node = names.end(part, part_prefix, surface.of, key)
                 faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
@@ -294,7 +298,9 @@ def _surface(
         out.append(replace(made, controls=by.get("emissivity", ())))
     if enclosed and by.get("emissivity"):
         raise DeckError(
-            "a face of an enclosure has a constant emissivity: what it exchanges hangs on all its reflections.", owner.where(key)
+            "a face of an enclosure needs a constant emissivity, because all exchange factors depend on it. Give a number, or take "
+            "the face out of the enclosure.",
+            owner.where(key),
         )
     return out
 
@@ -341,10 +347,12 @@ def _losses(made: FlatConductor) -> list[FlatConductor]:
         return []
     if "to" not in made.words:
         if {"htc", "effective_htc", "emissivity"} & set(made.fields):
-            raise DeckError('a lead that loses heat on its way names the node that takes it: to = "air".', made.where)
+            raise DeckError('the lead loses heat along its length, but no node takes it. Name the node: to = "air".', made.where)
         return []
     if {"htc", "effective_htc"} <= set(made.fields):
-        raise DeckError("a lead has htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where)
+        raise DeckError(
+            "give a lead either htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where
+        )
     sides = zip(("first", "second"), made.ends, strict=True)
     return [
         replace(made, path=f"{made.path}.{which}", ends=(end, made.gas), recipe=KINDS[made.kind].loss)
@@ -381,7 +389,7 @@ def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[s
                 f"no control '{name}'.{nearest(tail, part.controls)} Declare it under controls.", owner.where(f"{key}.control")
             )
         if prefix + path in {named_control(c)[0] for c in out}:
-            raise DeckError(f"the control '{name}' stands twice.", owner.where(f"{key}.control"))
+            raise DeckError(f"the control '{name}' is named twice. Remove one of them.", owner.where(f"{key}.control"))
         out.append(f"{COMPLEMENT}{prefix}{path}" if rest else prefix + path)
     return tuple(out)
 
@@ -399,41 +407,44 @@ def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names
 
 def _check_slots(flat: Flat) -> None:
     """Check the dimension of every element's value against its slot, at the place where the value was written."""
+    known: set[tuple[str, str]] = set()  # units that fit a slot
     for node in flat.nodes:
         for name, path in node.fields.items():
-            _require(flat.parameters, path, NODE_SLOTS[name])
+            _require(known, flat.parameters, path, NODE_SLOTS[name])
     for conductor in flat.conductors:
         slots = KINDS[conductor.kind].slots
         for name, path in conductor.fields.items():
-            _require(flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
+            _require(known, flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
         if conductor.emissivity:
-            _require(flat.parameters, conductor.emissivity, "1")
+            _require(known, flat.parameters, conductor.emissivity, "1")
     for load in flat.loads:
         for name, path in load.fields.items():
-            _require(flat.parameters, path, LOAD_SLOTS[name])
+            _require(known, flat.parameters, path, LOAD_SLOTS[name])
     for control in flat.controls.values():
         for name, path in control.fields.items():
             way = control.control.transitions.get(name.split(".")[1]) if name.startswith("transitions.") else None
             follows = way.follows if way is not None and way.follows else control.control.follows
-            _require(flat.parameters, path, slot_of(name, of_difference(follows)))
+            _require(known, flat.parameters, path, slot_of(name, of_difference(follows)))
     for face in flat.faces.values():
         for name in {"absorptance", "emissivity"} & set(face.fields):
-            _require(flat.parameters, face.fields[name], "1")
+            _require(known, flat.parameters, face.fields[name], "1")
     for area, takes in flat.surfaces.values():
-        _require(flat.parameters, area, "m^2")
+        _require(known, flat.parameters, area, "m^2")
         for take in takes:
-            _require(flat.parameters, take.path, "m^2")
+            _require(known, flat.parameters, take.path, "m^2")
 
 
-def _require(parameters: ParameterSet, path: str, slot: str) -> None:
+def _require(known: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
     root = parameters.literal_behind(path)
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
-    with errors_at(entry.where):
-        if literal is not None:
-            require_unit(literal.unit, slot)
-        else:
-            require(parameters.dimension(path), slot)
+    if literal is None or (literal.unit.text, slot) not in known:
+        with errors_at(entry.where):
+            if literal is not None:
+                require_unit(literal.unit, slot)
+                known.add((literal.unit.text, slot))
+            else:
+                require(parameters.dimension(path), slot)
     if literal is not None and slot == "m^2" and literal.value < 0:
         raise DeckError("an area cannot be negative.", entry.where)
 
@@ -478,8 +489,8 @@ def radiates_into(gas: str, radiating: list[str]) -> str:
     """Return what is said of what radiates into a gas."""
     radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
     return (
-        f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas takes no radiation from a wall. Name the wall that {sees}, "
-        "sees = ...; make an enclosure; bind a part's need apart, "
+        f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas does not absorb radiation here. Name the wall that {sees}, "
+        "sees = ...; define an enclosure; bind the need of a part separately, "
         f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, '
         'stands_for = "air and walls" (a solid: stands_for = "walls").'
     )
@@ -578,8 +589,8 @@ def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor]
         yield (
             out[0].where,
             f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}{driven}. "
-            "A node of a stream keeps no mass. Make them equal, or write the stream that is missing, from or to a boundary such as "
-            "the ambient; one parameter for all streams of a line keeps it closed in fits and schedules.",
+            "The flows into and out of a node must be equal. Correct them, or add the missing stream from or to a boundary such as "
+            "the ambient. Use one parameter for all streams of a line: the balance then holds in fits and schedules too.",
         )
 
 
@@ -608,7 +619,10 @@ def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str
     gases = {fluid_of(c): c for c in streams if fluid_of(c)}
     if len(gases) > 1:
         (one, a), (two, b) = list(gases.items())[:2]
-        yield b.where, f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Gases that mix are one fluid here: name one."
+        yield (
+            b.where,
+            (f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Mixtures are not modelled. Give both streams the same fluid."),
+        )
     kinds = {by_volume(c) and "density" not in c.fields: c for c in streams}
     if len(kinds) > 1:
         yield (
@@ -623,7 +637,8 @@ def unfed(flat: Flat) -> dict[str, str]:
     streams = streams_of(flat.conductors)
     empty = gas_nodes(flat) - {c.ends[1] for c in streams}
     return {
-        c.path: f"'{c.path}' takes no heat from '{c.ends[0]}', since no stream enters there: write its inlet, and the fluid of both"
+        c.path: f"'{c.path}' takes no heat from '{c.ends[0]}', because no stream enters there. Add the inlet stream, and name the "
+        "fluid of both"
         for c in streams
         if not fluid_of(c) and c.ends[0] in empty
     }

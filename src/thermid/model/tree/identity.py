@@ -90,7 +90,7 @@ def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
     out: dict[str, Identity] = {}
     for (who, local, laid), paths in classes.items():
         row = rows[paths[0]]
-        if laid and states[who, local] > 1:  # a stage below told this instance apart from its twins
+        if laid and states[who, local] > 1:  # a stage below separated this instance from its twins
             one = Identity(owner, paths[0], tuple(paths), APART)
         else:
             twin = any(copies[of[p]] > 1 for p in _prefixes(paths[0]) if p in of)
@@ -129,7 +129,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
-        refuse_unknown([place], known, model.title, f"no submodel or parameter '{raw}' to be cut.", NameNotFoundError)
+        refuse_unknown([place], known, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
         cuts[place], layers = None, _cut_layers(layers, place)
     return replace(model, cuts=tuple(cuts), layers=layers)
 

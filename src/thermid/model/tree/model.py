@@ -91,7 +91,7 @@ class Model(Tree):
         return replaced(self, path, new, keep)
 
     def check(self) -> tuple[Finding, ...]:
-        """Return what a careful reader would remark: errors, warnings and notes, one per finding."""
+        """Check the model: errors, warnings and notes, one per finding."""
         return findings(self)
 
     def identity(self) -> str:

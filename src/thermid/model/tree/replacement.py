@@ -45,7 +45,7 @@ class PlaceStart:
     path : str          A coefficient of the new part, or a field of a joint that gets a number of its own.
     text : str          Where it starts.
     log_sd : float      Standard deviation of its logarithm about the start. [-]
-    origin : str        'twin': from joints of the same kind; 'place': what it was with the old part.
+    origin : str        'twin': from joints of the same kind; 'place': its value with the old part.
     twins : tuple       What shared it before.
     of_part : bool      Whether it is a coefficient of the part's surfaces, and not of a joint.
     """
@@ -59,7 +59,7 @@ class PlaceStart:
 
     def __str__(self) -> str:
         """As an assumption."""
-        whose = f"that of {', '.join(self.twins)}" if self.twins else "what it was with the old part"
+        whose = f"that of {', '.join(self.twins)}" if self.twins else "its value with the old part"
         return f"{self.path} is {whose}, {short_text(self.text)} within {100 * self.log_sd:.0f} %"
 
 
@@ -100,7 +100,7 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     stays = frozenset(model.canonical(k) for k in keep)
     before = parameter_table(model)
     for k in (k for k in keep if model.canonical(k) not in before):
-        raise NameNotFoundError(f"'{k}' cannot be kept: there is no such value.{nearest(model.canonical(k), before)}", model.title)
+        raise NameNotFoundError(f"'{k}' cannot be kept: the model has no such value.{nearest(model.canonical(k), before)}", model.title)
     after = _at(model, path, new, path, stays, known)
     now = parameter_table(after)
     lost = [k for k in keep if (p := model.canonical(k)) in now and now[p].origin != before[p].origin]  # laid over the old part itself
@@ -118,7 +118,7 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     )
     of_surfaces = [PlaceStart(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
     starts = (*of_surfaces, *_joints(model, after, path, values, stays))
-    assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} stays as it was" for p in kept))
+    assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} is unchanged" for p in kept))
     after = _apart(after, path, [p for p in gone if p in now])
     untied = tuple(p for p in _with_twins(model, path) if p not in _with_twins(after, path))
     return after, Replacement(path, old.title, new.title, dropped, kept, starts, assumes, untied)
@@ -206,7 +206,10 @@ def _ports(model: Tree, head: str, new: Tree, path: str) -> dict[str, str]:
         lack = "; ".join(
             [f"it does not offer {g}, which is used here" for g in gone] + [f"its need {u} is bound to nothing" for u in unbound]
         )
-        raise DeckError(f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port or keep the old part.", model.title)
+        raise DeckError(
+            f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port to the new part, or keep the old part.",
+            model.title,
+        )
     return {need: node for need, node in old.bind.items() if need in new.needs}
 
 

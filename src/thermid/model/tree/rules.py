@@ -1,4 +1,4 @@
-"""What a careful reader would remark about a model: one small function per rule.
+"""Checks of a model: one small function per rule.
 
 Rules see the tree laid flat. They say what to do, and change nothing.
 """
@@ -134,7 +134,9 @@ def _laws(view: _View) -> Iterator[Finding]:
     yield from view.refused
     for c in view.flat.conductors:
         if view.conductances.get(c.path, 0.0) < 0.0:
-            yield Finding("error", c.where, f"'{c.path}' would have a negative conductance; heat would flow uphill.")
+            yield Finding(
+                "error", c.where, f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas."
+            )
 
 
 def _capacitances(view: _View) -> Iterator[Finding]:
@@ -151,11 +153,11 @@ def _attached(view: _View) -> Iterator[Finding]:
     for node in view.flat.nodes:
         if node.path not in used and node.fields:
             yield Finding(
-                "warning", node.where, f"nothing is attached to '{node.path}'; its temperature never changes. Join it or leave it out."
+                "warning", node.where, f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it."
             )
     for need in view.flat.names.boundaries:
         if need not in used:
-            yield Finding("warning", view.model.where("needs"), f"nothing is attached to the need '{need}'. Join it or leave it out.")
+            yield Finding("warning", view.model.where("needs"), f"the need '{need}' has no connections. Connect it or remove it.")
 
 
 def _massless(view: _View) -> Iterator[Finding]:
@@ -167,7 +169,7 @@ def _massless(view: _View) -> Iterator[Finding]:
             yield Finding(
                 "error",
                 group[0].where,
-                f"{single} {names} {_has(group)} no conductance to anything that has a temperature. Join it, or give it a mass.",
+                f"{single} {names} {_has(group)} no conductance to a node with a temperature. Add a conductor, or a mass.",
             )
 
 
@@ -183,11 +185,11 @@ def _paths(view: _View) -> Iterator[Finding]:
         rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
         head = f"{quoted(paths)} {_has(group)} no path to a boundary"
         if rate == 0.0:
-            yield Finding("warning", group[0].where, f"{head}: the heat that is there stays there.")
+            yield Finding("warning", group[0].where, f"{head}, so heat is never removed. Connect a boundary if that is not intended.")
             continue
         constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
-        yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Join it to a boundary.")
+        yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Connect it to a boundary.")
 
 
 def _loads(view: _View) -> Iterator[Finding]:
@@ -195,9 +197,14 @@ def _loads(view: _View) -> Iterator[Finding]:
     outside = {n.path for group in view.islands() for n in group}
     for load in view.flat.loads:
         if load.node in outside:
-            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', from which no heat can leave.")
+            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', from which no heat can leave. Add a conductor.")
         if load.node in view.flat.names.boundaries:
-            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', whose temperature is given; it changes nothing.")
+            yield Finding(
+                "warning",
+                load.where,
+                f"'{load.path}' heats '{load.node}', whose temperature is given, so the load has no "
+                "effect. Remove it, or give the node a mass.",
+            )
 
 
 def _shadowed(view: _View) -> Iterator[Finding]:
@@ -213,10 +220,11 @@ def _shadowed(view: _View) -> Iterator[Finding]:
         first = table[paths[0]]
         if len(paths) <= SINGLY:
             yield from (
-                Finding("note", table[p].where, f"'{p}' is {table[p].parameter.text}, set by {origin}; it hides {hidden}.") for p in paths
+                Finding("note", table[p].where, f"'{p}' is {table[p].parameter.text}, set by {origin}; it overrides {hidden}.")
+                for p in paths
             )
             continue
-        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they hide {hidden}.")
+        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they override {hidden}.")
 
 
 def _ties(view: _View) -> Iterator[Finding]:
@@ -235,16 +243,16 @@ def _ties(view: _View) -> Iterator[Finding]:
             shared.setdefault((one.why, places), []).append(field.lstrip("."))
     for paths_ in apart.values():
         if len(paths_) <= SINGLY:
-            yield from (Finding("note", where, f"'{p}': set for this instance; its twins have another value.") for p in paths_)
+            yield from (Finding("note", where, f"'{p}' is set for this instance; the other instances have another value.") for p in paths_)
         else:
-            yield Finding("note", where, f"{quoted(paths_)}: set for each of these instances; their twins have other values.")
+            yield Finding("note", where, f"{quoted(paths_)} are set for each of these instances; the other instances have other values.")
     for (why, places), fields in shared.items():
         values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
         yield Finding(
             "note", where, f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together."
         )
     for place in cuts_of(view.model):
-        yield Finding("note", where, f"'{place}' is cut from its twins: a fit finds values of its own.")
+        yield Finding("note", where, f"'{place}' is cut from the other instances of its deck: a fit estimates its values separately.")
 
 
 def _ending(paths: tuple[str, ...]) -> str:
@@ -285,14 +293,12 @@ def _fractions(view: _View) -> Iterator[Finding]:
     for c in view.flat.conductors:
         for name, path in {**c.fields, "emissivity": c.emissivity or c.fields.get("emissivity", "")}.items():
             if name == "emissivity" and path and not 0.0 <= view.values[path] <= 1.0:
-                yield Finding(
-                    "error", view.flat.parameters.table[path].where, f"an emissivity of {view.values[path]:g} does not exist; give 0 to 1."
-                )
+                yield Finding("error", view.flat.parameters.table[path].where, f"the emissivity is {view.values[path]:g}. Give 0 to 1.")
             if name == "exchange_factor" and view.values[path] > 1.0:
-                message = f"an exchange factor of {view.values[path]:g} is above 1, that of a black surface."
+                message = f"an exchange factor of {view.values[path]:g} is above 1, the value between black surfaces."
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
             if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
-                message = f"an exponent of {view.values[path]:g} is not one of natural convection, which has 1/4 or 1/3."
+                message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
                 yield Finding("warning", view.flat.parameters.table[path].where, message)
 
 
@@ -317,7 +323,7 @@ def _outliers(view: _View) -> Iterator[Finding]:
         if off[k] > np.log(FAR) and off[k] > 2.0 * spread:
             entry, (low, high) = table[paths[k]], (table[others[n][1]].parameter.text for n in (0, -1))
             said = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
-            yield Finding("warning", entry.where, f"{said}: a slip of unit or digits?")
+            yield Finding("warning", entry.where, f"{said}. Check its unit and digits.")
 
 
 def _ranges(view: _View) -> Iterator[Finding]:
@@ -327,7 +333,9 @@ def _ranges(view: _View) -> Iterator[Finding]:
             source, plate, thickness = (view.values[c.fields[f]] for f in ("source_area", "plate_area", "thickness"))
             if source > 0.25 * plate or thickness < 0.1 * (plate / np.pi) ** 0.5:
                 what = "the source is above a quarter of its plate, or the plate thinner than a tenth of its radius"
-                yield Finding("warning", c.where, f"'{c.path}': {what}: the formula is up to 30 % off. Split the plate into nodes.")
+                yield Finding(
+                    "warning", c.where, f"'{c.path}': {what}. There the formula is wrong by up to 30 %. Model the plate with several nodes."
+                )
 
 
 def _absorptances(view: _View) -> Iterator[Finding]:
@@ -336,7 +344,7 @@ def _absorptances(view: _View) -> Iterator[Finding]:
         path = face.fields.get("absorptance", "")
         if path and not 0.0 <= view.values[path] <= 1.0:
             where = view.flat.parameters.table[path].where
-            yield Finding("error", where, f"an absorptance of {view.values[path]:g} does not exist; give 0 to 1.")
+            yield Finding("error", where, f"the absorptance is {view.values[path]:g}. Give 0 to 1.")
 
 
 def _test_only(view: _View) -> Iterator[Finding]:
@@ -344,12 +352,15 @@ def _test_only(view: _View) -> Iterator[Finding]:
     marked = [prefix + name for owner, prefix in view.model.walk() for _, name, element in owner.elements() if element.test_only]
     if marked:
         count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
-        yield Finding("note", view.model.where(""), f"{count} for the test only: {quoted(marked)}. Flight models leave them out.")
+        yield Finding("note", view.model.where(""), f"{count} marked test_only: {quoted(marked)}. Flight models leave them out.")
         try:
             flatten(view.model.without_test_only())
         except ThermidError as error:
             yield Finding(
-                "warning", error.where, f"without the elements for the test only: {error.message} Mark what hangs on them test_only too."
+                "warning",
+                error.where,
+                f"without the elements marked test_only the model fails: {error.message} Mark the elements "
+                "that depend on them test_only too.",
             )
 
 
@@ -376,22 +387,24 @@ def _unsaid(view: _View) -> Iterator[Finding]:
         yield Finding(
             "warning",
             place[quiet[0]],
-            f"{quoted(quiet)} {'has' if len(quiet) == 1 else 'have'} an emissivity and no htc: every run with gas will be refused. "
-            "Give htc, or htc = 0 where nothing convects on purpose.",
+            f"{quoted(quiet)} {'has' if len(quiet) == 1 else 'have'} an emissivity but no htc, so every run with gas will be refused. "
+            "Give htc, or htc = 0 if no convection is intended.",
         )
     for c in view.flat.conductors:
         if c.kind == "effective" and not c.emissivity:
             yield Finding(
                 "note",
                 c.where,
-                f"the coefficient of '{c.path}' contains radiation, and no emissivity is given: a vacuum run will be refused.",
+                f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
+                "htc and emissivity instead; `thermid split` estimates them.",
             )
     alone = list(bare(view.flat))
     if alone:
         yield Finding(
             "note",
             place.get(alone[0], place.get(f"{alone[0]}.first", view.model.title)),
-            f"{quoted(alone)} {'has' if len(alone) == 1 else 'have'} htc and no emissivity: a vacuum run will be refused.",
+            f"{quoted(alone)} {'has' if len(alone) == 1 else 'have'} htc but no emissivity, so a vacuum run will be refused. Give an "
+            "emissivity or a finish.",
         )
 
 
@@ -427,7 +440,7 @@ RULES: Final[tuple[Rule, ...]] = (
 
 
 def findings(model: Tree) -> tuple[Finding, ...]:
-    """Return what a careful reader would remark, errors first; one error alone when the tree cannot be laid flat."""
+    """Return the findings of all checks, errors first; one error alone when the tree cannot be laid flat."""
     try:
         view = _view(model)
     except ThermidError as error:

@@ -278,6 +278,7 @@ class Names:
         self.nodes: dict[str, tuple[Tree, str]] = {}
         self._alias: dict[str, str] = {need: need for need in model.needs}
         self._seen: dict[str, str] = {}
+        self._offered: dict[str, frozenset[str]] = {}
         self._collect(model, "")
         self._bind(model, "")
 
@@ -288,7 +289,7 @@ class Names:
             missing = f"the alias '{alias}' stands for '{target}', which does not exist."
             refuse_unknown([model.canonical(target)], known, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
         for offer in model.offers:
-            missing = f"it offers '{offer}', but has no such node or surface."
+            missing = f"offers names '{offer}', but the model has no such node or surface."
             refuse_unknown([model.canonical(offer)], known, model.where("offers"), missing, NameNotFoundError)
 
     def _collect(self, model: Tree, prefix: str) -> None:
@@ -311,7 +312,7 @@ class Names:
         for need in part.model.needs:
             if need not in part.bind:
                 raise DeckError(
-                    f"port '{need}' of '{name}' is bound to nothing. Give it a node: bind = {{ {need} = \"...\" }}.",
+                    f"port '{need}' of '{name}' is not bound. Give it a node: bind = {{ {need} = \"...\" }}.",
                     model.where(f"submodels.{name}"),
                 )
             target = part.bind[need]
@@ -323,11 +324,7 @@ class Names:
         """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
         path = model.canonical(raw)
         head, _, rest = path.partition(".")
-        if (
-            rest
-            and head in model.submodels
-            and not any(model.submodels[head].model.canonical(o) == rest for o in model.submodels[head].model.offers)
-        ):
+        if rest and head in model.submodels and rest not in self._offers(prefix + head, model.submodels[head].model):
             known = model.submodels[head].model.offers
             exists = prefix + path in self.nodes
             say = (
@@ -339,9 +336,15 @@ class Names:
         full = prefix + path
         full = self._alias.get(full, full)
         if full not in self.nodes and full not in self.boundaries:
-            hint = self._near(prefix, path) or f' Write it under nodes, or, where it is supplied from outside, into needs = ["{raw}"].'
+            hint = self._near(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
             raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
+
+    def _offers(self, instance: str, part: Tree) -> frozenset[str]:
+        """Return what an instance of a part offers, by canonical paths."""
+        if instance not in self._offered:
+            self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
+        return self._offered[instance]
 
     def seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""
@@ -576,5 +579,7 @@ class ParameterSet:
         entry = self.table[path]
         if not entry.parameter.is_literal:
             roots = [p for p in self.order if self.table[p].parameter.is_literal and path in self.downstream([p])]
-            raise DeckError(f"'{raw}' is derived: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where)
+            raise DeckError(
+                f"'{raw}' is derived from other values: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where
+            )
         return path

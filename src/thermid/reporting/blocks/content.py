@@ -72,7 +72,7 @@ class Table(PageBlock):
         """Return a table; texts become cells."""
         lines = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
         if any(len(row) != len(columns) for row in lines):
-            raise ValueError("a row has not as many cells as there are columns")
+            raise ValueError("a row needs as many cells as there are columns")
         return cls(tuple(columns), lines, caption, title)
 
 

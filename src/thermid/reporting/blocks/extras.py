@@ -164,8 +164,8 @@ def browser() -> str:
     program = next((path for name in NAMES if (path := shutil.which(name))), None) or next((p for p in PLACES if Path(p).exists()), None)
     if program is None:
         raise NoBrowserError(
-            "a PDF is printed by a browser, and neither Chromium nor Chrome nor Edge is installed. "
-            "Install one of them, or open the page in the browser that you have and print it to a file."
+            "a PDF needs a browser to print it, but neither Chromium nor Chrome nor Edge is installed. Install one of them, or open "
+            "the page in another browser and print it to a file."
         )
     return program
 

@@ -243,7 +243,7 @@ def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str 
 def _legend(model: Model, flat: Flat, hubs: frozenset[str]) -> Iterator[str]:
     """Yield title, counts and the styles of the lines that are drawn."""
     given = ", ".join(flat.names.boundaries) or "none"
-    many = f"; joined to many and named on the cards: {', '.join(sorted(hubs))}" if hubs else ""
+    many = f"; connected to many nodes and named on their cards: {', '.join(sorted(hubs))}" if hubs else ""
     said = f"{model.title}: {len(flat.nodes)} nodes, {len(flat.conductors)} heat paths; given temperatures: {given}{many}"
     yield _text(14.0, PAGE[1] - 28.0, clipped(said, PAGE[0] - 30.0, 13.0), 13.0, "name")
     x = 14.0

@@ -106,7 +106,7 @@ def report(
 
 
 def _inline(svg: str) -> str:
-    """Return an SVG as it stands inside a page, where it needs no name space."""
+    """Return an SVG as it is inside a page, where it needs no name space."""
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
@@ -289,18 +289,18 @@ def moved(calibration: Calibration) -> Table:
         Head("inherited"),
         Head("from stage"),
         Head("there", True),
-        Head("logs alone", True, "the value by this stage's logs alone, without what was known of it; of a joint fit its value there"),
+        Head("logs alone", True, "the value from the logs of this stage alone, without its prior; for a joint fit its value there"),
         Head("unit"),
         Head("change, %", True),
         Head("deviations", True, "the change over its standard error; for several values chi-square"),
-        Head("chance", True, "of so large a change when nothing moved, corrected for the number of values tested"),
+        Head("chance", True, "probability of such a change if the value is the same, corrected for the number of values tested"),
         Head("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
         Head("result"),
     ]
     rows: list[Line] = [_line(m) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
     how = (
-        "A value that moved: the part does not behave in the assembly as it did alone, or the stage below missed something. A value is "
-        "called not rejected only where a change of 10 % would be found."
+        "A value that changed: the part behaves differently in the assembly than alone, or the stage below lacks physics. A value is "
+        "called not rejected only if the logs would show a change of 10 %."
     )
     return Table.of(columns, rows, how)
 
@@ -336,23 +336,23 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
     """Return titles with texts: what the logs told of the stage's values, what its residuals say, who looked, where measured heat goes."""
     parts = []
     if c.values.parameters and not isinstance(c, JointFit):
-        parts.append(("What the logs told of its values", _said(lambda: str(identifiability(c)))))
+        parts.append(("Information in the logs", _said(lambda: str(identifiability(c)))))
     known = {e.record.name for e in c.experiments}
     if len(known) > MOST:
         parts.append(
             (
-                "What its residuals say",
-                f"{len(known)} records: td.explain.criticise(campaign[{c.stage!r}], elements=False) says it of each.",
+                "Analysis of its residuals",
+                f"{len(known)} records: for each of them run td.criticise(campaign[{c.stage!r}], elements=False).",
             )
         )
     elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):
-        parts.append(("What its residuals say", _said(lambda: str(criticise(c, elements=False)))))
+        parts.append(("Analysis of its residuals", _said(lambda: str(criticise(c, elements=False)))))
     looks = _looks(campaign, c)
     if looks:
-        parts.append(("Who looked at its held-out records", looks))
+        parts.append(("Uses of its hold-out records", looks))
     balances = _balances(campaign, c)
     if balances:
-        parts.append(("Where the heat of its steady points goes", balances))
+        parts.append(("Heat flows of its steady points", balances))
     return tuple(parts)
 
 
@@ -362,7 +362,7 @@ def _said(make: object) -> str:
     try:
         return str(make())
     except ThermidError as error:
-        return f"not to be had: {error.message}"
+        return f"not available: {error.message}"
 
 
 def _looks(campaign: Campaign, c: Calibration) -> str:
@@ -370,13 +370,13 @@ def _looks(campaign: Campaign, c: Calibration) -> str:
     for v in campaign.verdicts:
         if v.model == c.stage:
             if v.passed is None:
-                lines.append(f"{v.record}: not judged, not opened; {v.standing.reason(v.model)}")
+                lines.append(f"{v.record}: not judged and not read; {v.standing.reason(v.model)}")
                 continue
             word = "passed" if v.passed else "failed"
             before = (
-                f"{len(v.failed_before)} failed verdicts before, by other values: no longer unseen"
+                f"{len(v.failed_before)} failed verdicts before, by other values: no longer independent"
                 if v.failed_before
-                else "unseen till then"
+                else "not used before"
             )
             lines.append(f"{v.record}: {word}, {before}{', conditional on values fitted to it' if v.conditional else ''}")
     return "\n".join(lines)

@@ -81,9 +81,7 @@ def study_report(
     """
     sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
     records, of = tables.made_records(campaign)
-    text = (
-        f"{len(records)} of {of} records were made, not measured: what rests on them says nothing about real hardware." if records else ""
-    )
+    text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
     added = [s for s in sections if audience in s.audiences]
     whole = [Section.of("steps", "The four steps", steps(study)), _parts_section(study), *added, _record_section(study, campaign)]
@@ -101,7 +99,7 @@ def study_report(
         banners=banners,
         failed=len(failed),
         judged=len(campaign.verdicts),
-        summary="on records that no fit has seen" if campaign.verdicts else "no record was held out",
+        summary="on records that no fit has seen" if campaign.verdicts else "no hold-out record",
         front=front(campaign),
         outcome=outcome,
         sections=shown,
@@ -119,7 +117,7 @@ def _opening(study: Study, audience: str) -> list[str]:
 def steps(study: Study) -> list[PageBlock]:
     """Return knowledge and use, box colours, set-ups and procedure as they stand on record."""
     options = study.options
-    theory = (("solver", study.solver), ("tolerance", f"{options.tolerance:g} K"), ("relative", f"{options.relative:g} of the range seen"))
+    theory = (("solver", study.solver), ("tolerance", f"{options.tolerance:g} K"), ("relative", f"{options.relative:g} of its range"))
     rows: list[Line] = [
         [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH] for k, a in enumerate(study.actions, 1)
     ]
@@ -186,7 +184,7 @@ def _parts_section(study: Study) -> Section:
     blocks: list[PageBlock] = [
         parts(study),
         Words(f"Values of the decks by their source: {sources}. A value is written once, with its formula or range and the reason."),
-        folded("Where every value comes from", [provenance(study)], f"{sum(counts.values())} values"),
+        folded("Source of every value", [provenance(study)], f"{sum(counts.values())} values"),
         folded("Area ledger of the whole", [tables.areas(study.model)]),
     ]
     return Section.of("parts", "Parts and provenance", blocks)
@@ -245,7 +243,7 @@ def provenance(study: Study) -> Table:
         Head("range"),
         Head("source"),
     ]
-    return Table.of([*columns, Head("formula, or why", wrapped=True)], rows)
+    return Table.of([*columns, Head("formula or reason", wrapped=True)], rows)
 
 
 def step_log(study: Study, campaign: Campaign) -> Table:
@@ -253,7 +251,7 @@ def step_log(study: Study, campaign: Campaign) -> Table:
     asked = {key: metric(key) for key in study.metrics}
     rows: list[Line] = []
     for s in study.log(campaign):
-        kind = Cell("held out", "no stage has seen it", "good") if s.held_out else Cell("fit", s.action)
+        kind = Cell("held out", "no stage uses it", "good") if s.held_out else Cell("fit", s.action)
         sizes = [(signed if row.signed else number)(s[key], row.digits) for key, row in asked.items()]
         rows.append([Cell(s.stage, s.action, "main"), s.record, kind, s.sensor, *sizes])
     headings = [Head(f"{row.short}, K", True) for row in asked.values()]
@@ -354,7 +352,7 @@ def structures_report(
     MissingExtraError   When jinja2 is not installed.
     """
     if not structures:
-        raise ValueError("there are no structures to compare.")
+        raise ValueError("no structures are given to compare.")
     taken = _taken(structures, chosen)
     return write_page(
         "study.html.jinja",
@@ -363,14 +361,14 @@ def structures_report(
         opening=list(notes),
         watermark="",
         banners=[],
-        headline=f"Taken: {taken.name}" if taken else "None can be taken",
+        headline=f"Taken: {taken.name}" if taken else "None is acceptable",
         failed=0 if taken and taken.physical else 1,
         judged=1,
-        summary=taken.what if taken else "every structure was refused, or has values that cannot be",
-        outcome=[Notes((*_said(structures, taken), *reasons), "What the comparison says")],
+        summary=taken.what if taken else "every structure was refused, or has implausible values",
+        outcome=[Notes((*_said(structures, taken), *reasons), "Result of the comparison")],
         sections=[
             Section.of("side-by-side", "Side by side", [_overview(structures, taken), *_dots(structures)]),
-            Section.of("values", "Values, and what is held against them", _values(structures)),
+            Section.of("values", "Values and objections", _values(structures)),
             Section.of("provenance", "Provenance", [tables.versions()]),
         ],
     )
@@ -380,7 +378,7 @@ def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
     if chosen:
         hits = [s for s in structures if s.name == chosen]
         if not hits:
-            raise ValueError(f"no structure is called '{chosen}'; there are {', '.join(s.name for s in structures)}.")
+            raise ValueError(f"unknown structure '{chosen}'. Known: {', '.join(s.name for s in structures)}.")
         return hits[0]
     good = [s for s in structures if s.physical]
     best = min((s.error for s in good), default=0.0)
@@ -393,16 +391,16 @@ def _said(structures: Sequence[Structure], taken: Structure | None) -> list[str]
     out = []
     if known:
         likeliest, nearest = min(known, key=lambda s: s.corrected), min(known, key=lambda s: s.error)
-        wrong = "" if likeliest.physical else f", and cannot be: {'; '.join((*likeliest.at_bounds, *likeliest.doubts))}"
+        wrong = "" if likeliest.physical else f", but implausible: {'; '.join((*likeliest.at_bounds, *likeliest.doubts))}"
         out.append(f"Likeliest on the fitted runs: {likeliest.name}{wrong}.")
-        out.append(f"Nearest to the unseen runs: {nearest.name}, {number(nearest.error, 2)} K.")
+        out.append(f"Nearest to the hold-out runs: {nearest.name}, {number(nearest.error, 2)} K.")
         if taken is not None and taken is not nearest:
             away = taken.error / nearest.error - 1.0
             why = "" if nearest.physical else f"; of {nearest.name}: {'; '.join((*nearest.at_bounds, *nearest.doubts))}"
             out.append(f"{taken.name} misses them by {number(taken.error, 2)} K, {100 * away:.0f} % more{why}.")
     refused = [s.name for s in structures if s.refused]
     if refused:
-        out.append(f"Refused, because these runs cannot tell what it asks: {', '.join(refused)}.")
+        out.append(f"Refused, because these runs do not determine its parameters: {', '.join(refused)}.")
     return out
 
 
@@ -412,10 +410,14 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
         Head("structure"),
         Head("what it is", wrapped=True),
         Head("free", True),
-        Head("dQAIC", True, "difference of AIC from the best, likelihood corrected for residuals that wander; above 10: no support"),
-        Head("dAIC", True, "as if every sample were independent, which none is"),
+        Head(
+            "dQAIC",
+            True,
+            "difference of AIC from the best, with the likelihood corrected for autocorrelated residuals; above 10: no support",
+        ),
+        Head("dAIC", True, "as if every sample were independent (they are not)"),
         *(Head(f"{s} fitted, K", True, "median RMSE over the fitted runs") for s in sensors),
-        *(Head(f"{s} unseen, K", True, "median RMSE over runs that no fit has seen") for s in sensors),
+        *(Head(f"{s} unseen, K", True, "median RMSE over hold-out runs") for s in sensors),
         Head("at bounds", True),
         Head("physical"),
     ]
@@ -451,7 +453,7 @@ def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
     if not known:
         return []
     drawn = figures.overview(known)
-    return [Figures((Plot(drawn, "RMSE on each run that no fit has seen, K; a structure a line."),), drawn.legend, True)]
+    return [Figures((Plot(drawn, "RMSE on each hold-out run [K], one line per structure."),), drawn.legend, True)]
 
 
 def _values(structures: Sequence[Structure]) -> list[PageBlock]:
@@ -462,9 +464,7 @@ def _values(structures: Sequence[Structure]) -> list[PageBlock]:
             out.append(Notes((s.refused,), "Refused"))
             continue
         held = (*s.at_bounds, *s.doubts)
-        out.append(
-            Notes(held, "Held against it") if held else Words("Every value lies where books and data sheets put it, inside its bounds.")
-        )
+        out.append(Notes(held, "Objections") if held else Words("Every value is within published ranges and inside its bounds."))
         rows: list[Line] = [
             [Cell(p, "", "main"), f"{significant(v, e)} ± {number(e, 2)}", pretty(unit)] for p, (v, e, unit) in s.values.items()
         ]

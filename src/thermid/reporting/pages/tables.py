@@ -32,7 +32,7 @@ from thermid.units import NAMES, Dimension, from_si, unit
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
 STRONG = 0.95
-"""Correlation from which two parameters are hardly told apart."""
+"""Correlation from which two parameters are hardly separable."""
 
 
 def parameters(calibration: Calibration) -> Table:
@@ -128,7 +128,7 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
         Head("unit"),
         *(_stage_column(campaign[stage], stage) for stage in campaign),
     ]
-    how = "Strong: fitted at that stage, with its total standard error. Plain: held there. A dash: not in that model."
+    how = "Bold: fitted at that stage, with its total standard error. Plain: fixed there. A dash: not in that model."
     return Table.of(columns, htc, how), Table.of(columns, rest, how)
 
 
@@ -170,9 +170,9 @@ def sensors(calibration: Calibration) -> Table:
         Head("samples", True),
         Head("RMSE, K", True),
         Head("median RMSE, K", True, "median over the records"),
-        Head("mean, K", True, "mean of measured less simulated"),
+        Head("mean, K", True, "mean of measured minus simulated"),
         Head("largest, K", True, "the largest residual by size, with its sign"),
-        Head("bias, K", True, "constant error of the sensor: reading less truth, as found or held"),
+        Head("bias, K", True, "constant error of the sensor: reading minus truth, fitted or fixed"),
         Head("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
         Head("noise, K", True, "standard deviation of a sample, the weight of the fit"),
         Head("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
@@ -200,7 +200,7 @@ def sensors(calibration: Calibration) -> Table:
             ]
         )
     said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
-    return Table.of(columns, rows, f"Residuals are measured less simulated, the sensor's constant error taken off.{said}")
+    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{said}")
 
 
 def instruments(calibration: Calibration) -> Table:
@@ -244,11 +244,11 @@ def locals_(calibration: Calibration) -> Table:
 
 
 def correlations(calibration: Calibration, most: int = 30) -> Table:
-    """Return the strongest correlations, those that hardly tell two parameters apart marked."""
+    """Return the strongest correlations, those marked where two parameters can hardly be separated."""
     ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
-    looks = [("hardly told apart", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
+    looks = [("hardly separable", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
     rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
-    more = f"; {len(ranked) - most} weaker ones are left out" if len(ranked) > most else ""
+    more = f"; {len(ranked) - most} weaker ones are not shown" if len(ranked) > most else ""
     caption = f"Those above 0.1{more}; marked above {STRONG}."
     return Table.of([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
 
@@ -277,7 +277,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
     """
     columns = [
         Head("model"),
-        Head("held-out record"),
+        Head("hold-out record"),
         Head("sensor"),
         Head("criterion"),
         Head("found, K", True),
@@ -298,9 +298,9 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [Cell("", "", "same"), Cell("", "", "same")]
             sizes.append(abs(c.found) / c.limit)
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
-            condition = Cell(", ".join(v.fitted_locally), "fitted to this very record", "warn") if v.conditional else Cell("nothing")
+            condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
-                condition = Cell("no longer unseen", "it failed a verdict before the model was fitted anew", "bad")
+                condition = Cell("no longer independent", "the model failed a verdict on it before it was refitted", "bad")
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
             rows.append([*first, c.sensor, c.title, *cells, result, condition])
     order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
@@ -319,7 +319,7 @@ def _outside(verdict: Verdict, check: Check) -> str:
 def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
     """Yield record, checksum, what it was used for, whether it is synthetic, and the record itself where it is kept."""
     fits = [("fit", c) for c in campaign.stages.values()]
-    judged = [("held out, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
+    judged = [("hold-out record, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
     for kind, calibration in [*fits, *judged]:
         kept = {e.record.name: e.record for e in calibration.experiments}
         for name, sha in calibration.records.items():
@@ -361,7 +361,7 @@ def data(campaign: Campaign) -> Table:
             length, samples = duration(record.duration), str(record.times.size)
             steps = "; ".join(record.steps) or "nothing"
         rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
-    return Table.of(columns, rows, "Point at a checksum to see all of it.")
+    return Table.of(columns, rows, "Hover over a checksum to see all of it.")
 
 
 def models(campaign: Campaign) -> Table:
@@ -369,13 +369,13 @@ def models(campaign: Campaign) -> Table:
     columns = [
         Head("stage"),
         Head("model"),
-        Head("identity", False, "hash of what the model means, not of how it is written"),
+        Head("identity", False, "hash of the model's content, independent of its formatting"),
         Head("nodes", True),
         Head("conductors", True),
         Head("evaluations", True),
         Head("thermid"),
         Head("date"),
-        Head("result key", False, "hash of everything that the result depends on"),
+        Head("result key", False, "hash of all inputs of the result"),
     ]
     rows: list[Line] = []
     for stage, c in campaign.stages.items():
@@ -426,7 +426,7 @@ def held(calibration: Calibration) -> Table:
         look = "main" if path in calibration.values.assignments else ""
         cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
         rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
-    return Table.of(columns, rows, "The value that holds for every parameter after the fit; strong where this stage fitted it.")
+    return Table.of(columns, rows, "The value of every parameter after the fit; bold if this stage fitted it.")
 
 
 def inputs(calibration: Calibration) -> Table:
@@ -443,10 +443,10 @@ def inputs(calibration: Calibration) -> Table:
     ]
     rows: list[Line] = []
     for r in calibration.inputs.rows:
-        source = Cell(r.source, "nobody gave it", "warn") if r.source == "assumed" else Cell(r.source)
+        source = Cell(r.source, "not given", "warn") if r.source == "assumed" else Cell(r.source)
         words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
         rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
-    return Table.of(columns, rows, "What the fit was driven by, and where each of it comes from.")
+    return Table.of(columns, rows, "Inputs of the fit and their sources.")
 
 
 def _unit_text(dimension: Dimension) -> str:
@@ -523,7 +523,7 @@ def interval(v: FittedValue) -> tuple[float, float]:
 def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
     if len(remarks) <= LINES:
         return tuple(remarks)
-    return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, each at its stage."))
+    return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, listed with their stages."))
 
 
 def _fits(campaign: Campaign) -> list[Calibration]:
@@ -554,12 +554,12 @@ def _fitted(campaign: Campaign) -> Table:
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
-    more = f"The {MOST} uppermost of {len(every)}; all of them stand at their stages. " if len(every) > MOST else ""
-    return Table.of(columns, rows, f"{more}Intervals hold the constant errors of sensors and powers.", "What was fitted")
+    more = f"The first {MOST} of {len(every)}; all are listed with their stages. " if len(every) > MOST else ""
+    return Table.of(columns, rows, f"{more}Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:
-    """Return the pairs of parameters that the data hardly tell apart, with their correlation."""
+    """Return the pairs of parameters that the data can hardly separate, with their correlation."""
     return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
 
 
@@ -577,23 +577,23 @@ def _some(texts: Sequence[str], most: int = 3) -> str:
 def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
     """Yield what the data do not tell, each with its stage."""
     if not campaign.verdicts:
-        yield "Whether it predicts: no record was held out.", ""
+        yield "Its ability to predict: there is no hold-out record.", ""
     for v in campaign.verdicts:
         if v.conditional:
-            yield f"{v.record} at {v.model}: the verdict holds only for what was fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
+            yield f"{v.record} at {v.model}: the verdict is conditional on values fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
     for c in _fits(campaign):
         for value in c.values.parameters.values():
             if not math.isfinite(value.error):
                 yield f"{value.path}: the logs do not determine it.", c.stage
             elif at_bound(value):
-                yield f"{value.path} ended at its {at_bound(value)} bound: its error is not meaningful.", c.stage
+                yield f"{value.path} ended at its {at_bound(value)} bound, so its standard error is not meaningful.", c.stage
         known = [(_half(value), value.path) for value in c.values.parameters.values()]
         vague = sorted((pair for pair in known if VAGUE < pair[0] < math.inf), reverse=True)
         if vague:
-            yield f"Hardly known (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
+            yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
         twins = [f"{a} with {b}" for a, b, _ in _twins(c)]
         if twins:
-            yield f"Known together better than each alone: {_some(twins)}.", c.stage
+            yield f"Better determined together than each alone: {_some(twins)}.", c.stage
     for c in _fits(campaign)[:1]:
         values = ParameterSet(c.fitted_model).table
         held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
@@ -609,7 +609,7 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
         elif not c.standing.usable and (c.standing.state, c.standing.stage) != ("failed", c.stage):  # what its own verdicts say follows
             yield f"Do not use {c.stage}: {c.standing.reason(c.stage)}.", c.stage
     if not campaign.verdicts:
-        yield "Hold a record out and judge it: [[verdicts]] in the campaign.", ""
+        yield "Keep one record out of all fits and validate on it: [[verdicts]] in the campaign.", ""
     elif campaign.passed:
         yield _envelope(campaign), ""
     for v in campaign.verdicts:
@@ -617,22 +617,34 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
         if missed:
             worst = max(missed, key=lambda c: c.found / c.limit)
             missing = f"{worst.title} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
-            yield f"Do not use {v.model} yet: {worst.sensor} in {v.record} misses, {missing}. See where its residuals begin.", "verdicts"
+            yield (
+                (
+                    f"Do not use {v.model} yet: {worst.sensor} in {v.record} exceeds a criterion, {missing}. Check where its residuals "
+                    "begin."
+                ),
+                "verdicts",
+            )
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == MOVED:
-                yield f"{m.path} moved from what {m.stage} found: look for what the part meets here and not alone.", c.stage
+                yield (
+                    (
+                        f"{m.path} differs significantly from the result of {m.stage}. Check contacts, radiation and powers that the "
+                        "part has only in the assembly."
+                    ),
+                    c.stage,
+                )
         for value in c.values.parameters.values():
             if at_bound(value):
-                yield f"{value.path}: widen its bounds, or doubt the power, area or place that it stands for.", c.stage
+                yield f"{value.path} ended at a bound. Widen its bounds, or check the power, area or position that it depends on.", c.stage
     wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
     lines = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
     if lines:
-        yield f"Residuals wander at {_some(lines)}: something is missing there; td.explain.criticise says what.", ""
+        yield f"Residuals are autocorrelated at {_some(lines)}, so the model lacks physics there. Run thermid criticise.", ""
     apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
     if apart:
         yield (
-            f"{', '.join(reversed(apart))}: td.design.next_test ranks the tests that would tell values apart.",
+            f"{', '.join(reversed(apart))} cannot be separated well. td.next_test ranks tests that would separate them.",
             apart[-1] if len(apart) == 1 else "",
         )
 
@@ -642,6 +654,6 @@ def _envelope(campaign: Campaign) -> str:
     judged = [v.prediction for v in campaign.verdicts if v.prediction is not None]
     read = [o.measured for fit in judged for e in fit.experiments for o in e.observations if o.measured.size]
     if not read:
-        return "Use it for what it was judged on."
+        return "Use it under the conditions of its verdicts."
     low, high = (float(f(np.concatenate(read))) - ICE_POINT for f in (np.min, np.max))
-    return f"Use it where it was judged: sensors between {low:.0f} and {high:.0f} °C. Beyond that it extrapolates."
+    return f"Use it in the range of its verdicts: sensors between {low:.0f} and {high:.0f} °C. Beyond it the model extrapolates."

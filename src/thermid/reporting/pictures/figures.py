@@ -231,7 +231,7 @@ def overview(lines: Sequence[Dots]) -> Graphic:
                 out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
         highest_here = max((v for values in line.values.values() for v in values), default=0.0)
         said.append(
-            f"{line.label}{', held out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
+            f"{line.label}{', hold-out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
         )
     axis = f'<path d="M{left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
     end = f'<text x="{(left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'

@@ -75,7 +75,7 @@ class Look(Result):
             out.append(f"  NOT READABLE YET: {self.problem}")
         out += [f"  {line}" for line in (self._layout(), *self._clock())]
         out += [f"  note: {note}" for note in (*self.cells.notes, *(self.times.notes if self.times else ()))]
-        out += ["", *self._table(width), "", *self._remarks(), "For a campaign (put in the nodes and loads of your deck):", ""]
+        out += ["", *self._table(width), "", *self._remarks(), "For a campaign (insert the nodes and loads of your deck):", ""]
         return [*out, *(f"    {line}".rstrip() for line in self.campaign().splitlines())]
 
     def _headline(self) -> str:
@@ -217,7 +217,7 @@ class Look(Result):
         ThermidError   When times cannot be read or no column is known.
         """
         if self.times is None:
-            raise ThermidError(f"there is nothing to draw: {self.problem}", self.path.name)
+            raise ThermidError(f"nothing to draw: {self.problem}", self.path.name)
         length, unit_name = time_unit(float(self.times.values[-1] - self.times.values[0]))
         x = (self.times.values - self.times.values[0]) / length
         panels: list[Panel] = []
@@ -232,7 +232,9 @@ class Look(Result):
             if lines:
                 panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
         if not panels:
-            raise ThermidError("there is nothing to draw: no column is known as a temperature, power or duty.", self.path.name)
+            raise ThermidError(
+                "nothing to draw: no column is recognised as a temperature, power or duty cycle. Give its unit.", self.path.name
+            )
         return _standing(panels, legend, self.path.name, unit_name)
 
 
@@ -272,11 +274,11 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     if not found:
         return []
     known = [f for f in found if f["offset"] is not None]
-    lines = [f"{counted(len(looks), 'clock')} of one test: if they agree, by the time of day of the first stamps"] if known else []
+    lines = [f"{counted(len(looks), 'clock')} of one test, compared by the time of day of their first stamps"] if known else []
     lines += [
         f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}" for f in known
     ]
-    lines += [f"  {f['file']} or {looks[0].path.name} has no stamps: give the offset" for f in found if f["offset"] is None]
+    lines += [f"  {f['file']} or {looks[0].path.name} has no time stamps: give the offset" for f in found if f["offset"] is None]
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = "{0.0 if f["offset"] is None else f["offset"]:.6g} [s]" }}' for f in found)
     return [
         *lines,

@@ -50,9 +50,7 @@ def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | o
     """
     drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
-        raise ThermidError(
-            f"there is no picture of a {type(thing).__name__}; there are pictures of {', '.join(t.__name__ for t in drawers)}."
-        )
+        raise ThermidError(f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.")
     target = check_ending(to)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
@@ -70,7 +68,7 @@ def check_ending(to: str | os.PathLike[str]) -> Path:
     """
     target = Path(to)
     if target.suffix.lower() not in PICTURES:
-        raise ThermidError(f"'{target.name}': a picture ends in {', '.join(PICTURES)}.")
+        raise ThermidError(f"'{target.name}': the name of a picture must end in {', '.join(PICTURES)}.")
     return target
 
 
@@ -110,10 +108,8 @@ def _profile(figure: Figure, found: Profile) -> None:
     error = found.error / float(unit(found.unit).factor)
     axis.axvspan(low, high, color=SIMULATED, alpha=0.12, linewidth=0)
     parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
-    axis.plot(
-        parabola, ((parabola - best) / error) ** 2, color=SOFT, linewidth=1.2, linestyle="--", label="what the standard error alone says"
-    )
-    axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others fitted anew")
+    axis.plot(parabola, ((parabola - best) / error) ** 2, color=SOFT, linewidth=1.2, linestyle="--", label="by the standard error alone")
+    axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others refitted")
     axis.axhline(found.threshold, color=RESIDUAL, linewidth=1.2)
     axis.text(x.max(), found.threshold, f"{100 * found.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
     axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
@@ -123,7 +119,7 @@ def _profile(figure: Figure, found: Profile) -> None:
         if not ok:
             axis.text(end, 0.5 * found.threshold, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
     axis.set_xlabel(f"{found.path}, {found.unit}")
-    axis.set_ylabel("how much worse the fit is (weighted squares)")
+    axis.set_ylabel("increase of the weighted sum of squares")
     axis.legend(loc="upper center")
 
 
@@ -141,7 +137,7 @@ def _valley(figure: Figure, found: Valley) -> None:
         axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
         axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
     floor = from_si(found.along[:, 0], found.units[0]), from_si(found.along[:, 1], found.units[1])
-    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="floor of the valley")
+    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="minimum along the trade-off")
     axis.plot(
         *(float(from_si(v, u)) for v, u in zip(found.best, found.units, strict=True)),
         marker="D",
@@ -168,7 +164,7 @@ def _valley(figure: Figure, found: Valley) -> None:
     axis.set_ylabel(f"{found.names[1]}, {found.units[1]}")
     axis.grid(False)
     axis.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none")
-    bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="how much worse the fit is (weighted squares)")
+    bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="increase of the weighted sum of squares")
     bar.ax.tick_params(length=0)
 
 
@@ -253,7 +249,7 @@ def draw_hold(figure: Figure, found: Hold) -> None:
     axis.set_xlim(found.times[0] / length, found.times[-1] / length)
     axis.set_ylim(0.0, top)
     axis.set_xlabel(f"time, {name}")
-    axis.set_ylabel("probability of having passed the limit, %")
+    axis.set_ylabel("probability that the limit was exceeded, %")
     driven = ", ".join(driven_by(found.together).split(", ")[:3])
     axis.set_title(found.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
     axis.legend(loc="best")

@@ -68,7 +68,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     summary += f"; {len(q.waived)} waived" if q.waived else ""
     if worst is not None:
         margin = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
-        summary += f"; nearest to a limit: {worst[0]} in {worst[1]} at {hours(worst[2])}, {margin}"
+        summary += f"; smallest margin: {worst[0]} in {worst[1]} at {hours(worst[2])}, {margin}"
     document = content.document.model_dump()
     names = {"number": "document", "prepared": "prepared by", "checked": "checked by", "approved": "approved by"}
     facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
@@ -78,7 +78,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         running=running(q),
         opening=[t for t in (f"Intended use: {content.use}." if content.use else "", content.note) if t],
         watermark=watermark,
-        banners=[(watermark, "No statement on this page is about real hardware.")] if watermark else [],
+        banners=[(watermark, "The results on this page are not evidence about real hardware.")] if watermark else [],
         passed=q.passed,
         failed=failed,
         judged=len(outcomes),
@@ -116,7 +116,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     ]
     verdicts = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
-    banner = [(watermark, "The readings were made, not measured.")] if synthetic else []
+    banner = [(watermark, "The readings are synthetic.")] if synthetic else []
     said = f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met"
     return _write(
         to,
@@ -154,7 +154,7 @@ def _write(
 
 def _what_is_open(q: Qualification) -> list[PageBlock]:
     """Return what is not decided and why, what was waived, and what must be known of the logs."""
-    waived = tuple(f"{n}: held against its limits alone" for n in q.waived)
+    waived = tuple(f"{n}: compared with its limits alone" for n in q.waived)
     remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
     sections = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
     return [Notes(lines, title) for title, lines in sections if lines]
@@ -166,7 +166,7 @@ def _signatures(q: Qualification) -> list[str]:
     missing = [word for word, name in (("checked", d.checked), ("approved", d.approved)) if not name.strip()]
     out = [f"the document is not {' and not '.join(missing)}"] if missing else []
     if d.prepared.strip() and d.prepared.strip() in (d.checked.strip(), d.approved.strip()):
-        out.append(f"{d.prepared.strip()} prepared the document and signed for it again: nobody else has looked at it")
+        out.append(f"{d.prepared.strip()} both prepared and approved the document, so no second person has checked it")
     return out
 
 
@@ -219,16 +219,16 @@ def sections(q: Qualification) -> list[Section]:
             "Uncertainty, limits and margins",
             [
                 tables.margin_table(q),
-                Heading("What the uncertainty holds"),
+                Heading("Contributions to the uncertainty"),
                 tables.counted(q),
                 Heading("Predictions of the service cases"),
                 tables.service(q),
-                folded("Every limit in every test", [tables.checks(q)]),
+                folded("All limits in all tests", [tables.checks(q)]),
             ],
             "Margins",
         ),
         Section.of("validity", "Validity envelope", [*_envelope(q), tables.outside(q)]),
-        Section.of("assumptions", "What is assumed, by its effect", _assumed(q), "Assumptions"),
+        Section.of("assumptions", "Assumed values by their effect", _assumed(q), "Assumptions"),
         Section.of("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
     ]
 
@@ -289,7 +289,7 @@ def _leaks(q: Qualification) -> list[PageBlock]:
         Table.of(
             [
                 Head("test"),
-                Head("what is not known exactly", wrapped=True),
+                Head("uncertain inputs", wrapped=True),
                 Head("heat leaks of the test", wrapped=True),
             ],
             rows,
@@ -301,14 +301,16 @@ def _stabilisation(q: Qualification) -> list[PageBlock]:
     out: list[PageBlock] = []
     for t in (t for t in q.trials if t.course is not None):
         assert t.course is not None
-        waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} of waiting for the unit"
+        waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} waiting for the unit"
         unfinished = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
-        out.append(folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {unfinished:.1f} K unfinished when a dwell begins"))
+        out.append(
+            folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {unfinished:.1f} K from steady state when a dwell begins")
+        )
         out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
     for t in (t for t in q.trials if t.settled):
         held = sum(s.stable for s in t.settled)
-        out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], f"{held} of {len(t.settled)} stretches settled by the rule"))
-    return out or [Words("No test of this plan waits for its unit, and no settled stretch was logged.")]
+        out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], f"{held} of {len(t.settled)} periods steady by the rule"))
+    return out or [Words("No test of this plan waits for its unit, and no steady period was logged.")]
 
 
 def _heat(q: Qualification) -> list[PageBlock]:
@@ -318,7 +320,7 @@ def _heat(q: Qualification) -> list[PageBlock]:
         balance = (
             f"loads {number(b.loads / 1e3, 4)} kJ, to boundaries {number(b.boundaries / 1e3, 4)} kJ, stored {number(b.stored / 1e3, 4)} kJ"
         )
-        out.append(folded(t.test.name, [Words(f"{balance}; what does not add up: {b.relative:.1e} of it."), tables.flows(t)]))
+        out.append(folded(t.test.name, [Words(f"{balance}; residual: {b.relative:.1e} of it."), tables.flows(t)]))
     return out
 
 
@@ -334,7 +336,7 @@ def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
         if t.diagnosis is not None:
             out += [Words(str(t.diagnosis).splitlines()[0][0].upper() + str(t.diagnosis).splitlines()[0][1:] + "."), tables.diagnoses(t)]
         out += [folded("Every sensor", [tables.deviations(c)]), folded("Every gate", [tables.gates(c)], f"{len(c.gates)}")]
-    return out or [Words("No log has come back yet.")]
+    return out or [Words("There is no log yet.")]
 
 
 def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
@@ -342,7 +344,7 @@ def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
     for k, t in enumerate(logged):
         assert t.correlation is not None
         out += [Heading(t.test.name), all_overlays(t.correlation, f"over-{k}", t.synthetic)]
-    return out or [Words("No log has come back yet.")]
+    return out or [Words("There is no log yet.")]
 
 
 def _open(q: Qualification) -> list[PageBlock]:
@@ -366,7 +368,7 @@ def _envelope(q: Qualification) -> list[PageBlock]:
         ("orientation", v.orientation),
     ]
     said = tuple((name, " .. ".join(given) if name != "orientation" else ", ".join(given)) for name, given in pairs if given)
-    return [Facts(said or (("calibrated", "the plan does not say where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
+    return [Facts(said or (("calibrated", "the plan does not state where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
 
 
 def _assumed(q: Qualification) -> list[PageBlock]:
@@ -381,7 +383,7 @@ def _delivery(q: Qualification) -> Table:
     model = q.known.model
     flat = flatten(model)
     sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
-    rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of what the model means", "code")]]
+    rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of the model's content", "code")]]
     rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")], ["lock", str(q.lock)]]
     for v in q.known.values:
         rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
@@ -397,9 +399,7 @@ def _files(q: Qualification) -> Table:
         for t in q.trials
         if t.test.log is not None
     ]
-    note = (
-        "SHA-256, its beginning: of a deck of the plan, of what its model means; of a log, of its samples; of any other file, of its bytes."
-    )
+    note = "First digits of the SHA-256: for a deck of the plan of its content, for a log of its samples, for any other file of its bytes."
     return Table.of([Head("file"), Head("of"), Head("hash")], rows, note)
 
 

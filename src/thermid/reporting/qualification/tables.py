@@ -35,7 +35,7 @@ def tests(q: Qualification) -> Table:
         Head("test"),
         Head("limits"),
         Head("correlation"),
-        Head("nearest to a limit"),
+        Head("smallest margin"),
         Head("at", True),
         Head("room, K", True),
         Head("state"),
@@ -154,7 +154,7 @@ def duties(q: Qualification) -> list[PageBlock]:
         for h in t.heaters
     ]
     if rows:
-        out.append(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: what leaves the power margin."))
+        out.append(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: the duty cycle that leaves the power margin."))
     for t in q.trials:
         times = t.foresight.solution.times
         lines: list[Line] = []
@@ -182,7 +182,7 @@ def phases(t: Trial) -> Table:
         Head("rule"),
         Head("slowest part"),
         Head("rate, K/h", True),
-        Head("furthest from rest"),
+        Head("furthest from steady state"),
         Head("left, K", True),
     ]
     rows: list[Line] = []
@@ -240,7 +240,7 @@ def foreseen(q: Qualification, t: Trial) -> Table:
     return Table.of(
         columns,
         rows,
-        "± 95 % of the model's values and of what is stated of the test, ? where nothing is; outside: with the sensor's own error added.",
+        "± 95 % of the model's values and of the stated errors of the test, ? without any; outside: including the sensor's error.",
     )
 
 
@@ -267,7 +267,7 @@ def changes(q: Qualification) -> Table:
         Head("±", True),
         Head("unit"),
         Head("bounds", True),
-        Head("why it may be so", wrapped=True),
+        Head("reason", wrapped=True),
     ]
     reasons, rows = q.plan.content.model.reasons, []
     for several in q.known.values:
@@ -324,7 +324,7 @@ def deviations(c: Correlation) -> Table:
         ]
         for d in c.deviations
     ]
-    return Table.of(columns, rows, "Measured less simulated; ± sensor: 95 % of its constant error.")
+    return Table.of(columns, rows, "Measured minus simulated; ± sensor: 95 % of its constant error.")
 
 
 def gates(c: Correlation, failed_only: bool = False) -> Table:
@@ -366,13 +366,13 @@ def diagnoses(t: Trial) -> Table:
     rows: list[Line] = [
         [Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in suspects
     ]
-    return Table.of(columns, rows, "Each fault tried by itself; explains: part of the weighted squares.")
+    return Table.of(columns, rows, "Each fault tried alone; explains: share of the weighted sum of squares.")
 
 
 def excluded(q: Qualification) -> Table:
     """Return the sensors that do not count, and why."""
     rows: list[Line] = [[Cell(s, "", "main"), why] for s, why in q.plan.content.exclusions.reasons.items()]
-    cap = f"At most {100 * q.plan.content.exclusions.cap:g} % of the sensors of a test may be left out."
+    cap = f"At most {100 * q.plan.content.exclusions.cap:g} % of the sensors of a test may be excluded."
     return Table.of([Head("sensor"), Head("why", wrapped=True)], rows, cap)
 
 
@@ -405,8 +405,8 @@ def checks(q: Qualification) -> Table:
             by = Cell(f"{c.by}, operating limits" if c.stand_in else c.by, c.undecided)
             rows.append([head, c.point, c.state, by, lowest, highest, ends, room, *times, mark(c.mark), verdict(c.passed)])
     stands_in = any(c.stand_in for t in q.trials for c in t.checks)
-    less = " Where nobody gave limits for a unit switched off, the operating ones stand for them." if stands_in else ""
-    return Table.of(columns, rows, f"Point at a temperature for its time.{less}")
+    less = " Without limits for a unit switched off, the operating limits apply." if stands_in else ""
+    return Table.of(columns, rows, f"Hover over a temperature for its time.{less}")
 
 
 def settled(t: Trial) -> Table:
@@ -418,7 +418,7 @@ def settled(t: Trial) -> Table:
         Head("±, K/h", True),
         Head("rule"),
         Head("mark"),
-        Head("left, K", True, "what the readings say that is still to come"),
+        Head("left, K", True, "remaining change forecast from the readings"),
         Head("settled"),
     ]
     words = {"stable": True, "not stable": False}
@@ -460,7 +460,7 @@ def margin_table(q: Qualification) -> Table:
         Head("result"),
         Head("flat rule, K", True),
         Head("margin by it, K", True),
-        Head("calibration bought, K", True, "by how much it narrowed the 95 % interval"),
+        Head("calibration bought, K", True, "reduction of the 95 % interval"),
     ]
     rows: list[Line] = []
     for m in q.margins:
@@ -474,7 +474,9 @@ def margin_table(q: Qualification) -> Table:
         rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
-    return Table.of(columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown and decides nothing.")
+    return Table.of(
+        columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown for information and not used for a verdict."
+    )
 
 
 def counted(q: Qualification) -> Table:
@@ -521,9 +523,9 @@ def assumed(q: Qualification) -> Table:
     rows: list[Line] = []
     for a in q.assumptions:
         spread = Cell(f"{100 * a.spread:.0f}", "its range over the root of 12" if a.ranged else "no range given: a tenth")
-        around = Cell("yes: moves less", "the fitted values take up most of a change", "soft") if a.fitted_around else Cell("no")
+        around = Cell("yes: moves less", "the fitted values compensate most of a change", "soft") if a.fitted_around else Cell("no")
         rows.append([Cell(a.path, "", "main"), pretty(a.text), spread, number(a.effect, 2), a.point, a.run, around, a.basis or DASH])
-    return Table.of(columns, rows, "Effect of one standard deviation on the reference point that it moves most, everything else held.")
+    return Table.of(columns, rows, "Effect of one standard deviation on the most sensitive reference point, with all else fixed.")
 
 
 def service(q: Qualification) -> Table:
@@ -544,7 +546,9 @@ def service(q: Qualification) -> Table:
                 shown = f"{celsius(float(band.kelvin[at]))} ± {1.96 * float(band.error[at]):.1f}"
                 cells.append(Cell(shown, f"at {hours(float(band.times[at]))}"))
             rows.append([Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same"), one.point, *cells])
-    return Table.of(columns, rows, "The logs of this plan are counted; what the intervals do not hold stands beside the margins.")
+    return Table.of(
+        columns, rows, "The logs of this plan are included; contributions not included in the intervals are listed with the margins."
+    )
 
 
 def verdict(passed: bool | None, why: str = "") -> Cell:

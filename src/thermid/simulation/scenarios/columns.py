@@ -9,7 +9,7 @@ from typing import Any
 
 from thermid.errors import ScenarioError, errors_at
 from thermid.measure import read_plain, read_record
-from thermid.model.laws.signal import CONDUCT, Signal, TableSignal, conducted
+from thermid.model.laws.signal import Signal, TableSignal, conducted
 from thermid.toml_files import resolve_inside
 from thermid.units import TEMPERATURE
 
@@ -45,20 +45,15 @@ class LogColumns:
 
         Raises
         ------
-        ScenarioError   When a key is unknown, the column is missing, or its unit or time zero is not known.
+        ScenarioError   When the column is missing, or its unit or time zero is not known.
         """
         if not (isinstance(value, Mapping) and "file" in value):
             return value
-        unknown = set(value) - {"file", "column", "unit", "time", "hold", *CONDUCT}
-        if unknown or "column" not in value:
-            raise ScenarioError(
-                "a column of a log is given by file and column, with unit, time, hold, samples, after and period as needed.", where
-            )
         file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
         if file == self.cut:
             raise ScenarioError(
-                f"the weather of '{file.name}' begins at another time than its first line, and its columns count from that line. Leave "
-                "begin out, or give the column in a log of its own.",
+                f"the weather of '{file.name}' begins at another time than its first line, but the times of its columns count from "
+                "that line. Leave begin out, or give the column in a separate log.",
                 where,
             )
         role = {TEMPERATURE: "boundary", "W": "load", "1": "command"}.get(slot, "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 from thermid.errors import ScenarioError, refuse_unknown
@@ -57,7 +58,7 @@ class Start:
             return cls(rest or STEADY)
         time = literal(rest, "s", where)
         if time < 0.0:
-            raise ScenarioError("a steady start takes inputs of the run, at zero or later.", where)
+            raise ScenarioError("the time of a steady start must be zero or later.", where)
         return cls(STEADY, time)
 
 
@@ -102,9 +103,13 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Turn texts into signals, so that a mistake shows here and not in a run."""
-        for name, slot in SLOTS.items():
+        for name in (*SLOTS, "gains", "environment", "irradiation", "initial"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
+        for place, given in (("start", self.start), *((f"initial.{k}", v) for k, v in self.initial.items())):
+            if isinstance(given, bool) or not isinstance(given, str | Real):
+                raise ScenarioError(f"it takes a temperature or a name, not {given!r}.", f"{self.title}, {place}")
+        for name, slot in SLOTS.items():
             if not slot:
                 by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
                 object.__setattr__(self, name, by_itself)
@@ -120,14 +125,14 @@ class Scenario:
                 raise ScenarioError(
                     f"it takes an environment, not {around!r}. Make one: td.network.Environment(...).", f"{self.title}, environment.{gas}"
                 )
-        seconds = literal(self.duration, "s", f"{self.title}, duration") if isinstance(self.duration, str) else float(self.duration)
+        seconds = float(self.duration) if isinstance(self.duration, Real) else literal(self.duration, "s", f"{self.title}, duration")
         if not math.isfinite(seconds):
             raise ScenarioError(
-                f"a duration of {seconds:g} s has no end; give how long the run lasts, or ask for a steady state.",
+                f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",
                 f"{self.title}, duration",
             )
         if seconds < 0:
-            raise ScenarioError("a duration below zero has no end.", f"{self.title}, duration")
+            raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration")
         object.__setattr__(self, "duration", seconds)
 
     @property
@@ -221,6 +226,6 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     if not assumed:
         return ()
     return (
-        f"samples of logs are taken as instants ({', '.join(assumed)}); say samples = 'instant', or 'average' where the logger gives the "
-        "mean over the interval that ends at the stamp",
+        f"samples of logs are taken as instants ({', '.join(assumed)}). State samples = 'instant', or samples = 'average' if the "
+        "logger gives means over the interval up to the stamp",
     )

@@ -172,7 +172,7 @@ class Modal:
         why = self.obstacle or ("derivatives come from the integrator" if gradients else "")
         if method == "modal" and why:
             raise ScenarioError(
-                f"there is no modal solution: {why}. Leave 'method' at 'auto'.",
+                f"the modal solution is not possible: {why}. Leave 'method' at 'auto'.",
                 f"{self.wiring.network.title}, {self.wiring.scenario.title}",
             )
         if why or method == "modal":
@@ -290,10 +290,10 @@ class Engine(KernelProblem):
         method = options.method
         if method not in LARGE_METHODS and method not in METHODS:
             known = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
-            raise ScenarioError(f"there is no method '{method}'.{nearest(method, known)} There are {', '.join(known)}.", self.title)
+            raise ScenarioError(f"unknown method '{method}'.{nearest(method, known)} There are {', '.join(known)}.", self.title)
         if method not in LARGE_METHODS or (method == "auto" and not self.many):
             return False
-        why = "sensitivities are asked for, which large networks do not carry" if gradients else refusal(self)
+        why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)
         if why and method != "auto":
             raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title)
         return not why
@@ -390,7 +390,7 @@ class Engine(KernelProblem):
         ScenarioError   When the machine lacks the instruction set `simd`.
         """
         known = ("auto", *_kernel.instruction_sets())
-        refuse_unknown([simd], known, "simd", "this machine has no instruction set '{}'. Give one of {known}.", ScenarioError)
+        refuse_unknown([simd], known, "simd", "this processor has no instruction set '{}'. Give one of {known}.", ScenarioError)
         return _kernel.Ensemble(
             self.problem,
             np.ascontiguousarray(coefficients),
@@ -489,7 +489,7 @@ class Engine(KernelProblem):
         if not unknown.any():
             return a
         if not unknown.all():
-            raise ScenarioError("a steady start holds for all nodes; leave 'initial' out.", self.wiring.scenario.title)
+            raise ScenarioError("a steady start gives the temperatures of all nodes. Leave 'initial' out.", self.wiring.scenario.title)
         found, slopes = self._beginning(a, gradients)
         return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)
 
@@ -543,7 +543,7 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
         on[first + changed[0]] = changed[1]
         if on.tobytes() in seen:
             name = machines[changed[0]].name
-            message = f"no steady state was found: the control '{name}' keeps switching. Simulate, and take the mean of a late period."
+            message = f"no steady state exists: the control '{name}' keeps switching. Simulate, and use the mean over a late period."
             raise SolverError(message, problem.title)
 
 
@@ -593,14 +593,18 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
         if close:
             unstable = np.linalg.eigvals(jacobian).real.max() > 0
             if unstable:
-                raise SolverError("the balance found is not stable: a power grows faster with temperature than the heat can leave.", where)
+                raise SolverError(
+                    "the steady state is unstable: a power grows faster with temperature than the heat removed. Check "
+                    "the temperature coefficients of the loads.",
+                    where,
+                )
             _, jacobian, slopes = balance(temperatures, gradients)
             if left := problem.left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {left}", where)
             moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
             return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
-        raise SolverError("no steady state was found: a thermostat keeps switching. Simulate, and take the mean of a late period.", where)
+        raise SolverError("no steady state exists: a thermostat keeps switching. Simulate, and use the mean over a late period.", where)
     raise SolverError(unsettled(any(load.follows_temperature for load in problem.wiring.network.flat.loads)), where)
 
 
@@ -679,10 +683,10 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
     parts = unreached(problem.wiring.network, a.numbers, powers)
     if parts:
-        return f"there is no steady state: {parts[0].message()}."
+        return f"no steady state exists: {parts[0].message()}."
     follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
     look = "power that grows with temperature" if follows else "node whose heat cannot leave"
-    return f"there is no steady state: the equations are singular. Look for a {look}."
+    return f"no steady state exists: the equations are singular. Look for a {look}."
 
 
 def _columns(problem: KernelProblem, a: Assembled) -> Array:
@@ -701,12 +705,13 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     period, where = engine.wiring.cycle or 0.0, engine.title
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError(
-            "a thermostat has a rhythm of its own, so no state comes back with the inputs. Simulate, and take a late stretch.", where
+            "a thermostat switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
+            where,
         )
     if engine.machines:
         raise SolverError(
-            f"the control '{engine.machines[0]}' has a rhythm of its own, so no state comes back with the inputs. Simulate, and take a"
-            " late stretch.",
+            f"the control '{engine.machines[0]}' switches at its own period, so no state is periodic with the inputs. Simulate, and "
+            "use a late part of the run.",
             where,
         )
     capacity = engine.capacities(a)
@@ -736,7 +741,9 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         state = end.copy()
         state[massive] = np.maximum(held + step, 0.1)
     else:
-        raise SolverError(f"no state was found that comes back after {period:g} s; it missed by {np.abs(missed).max():.3g} K.", where)
+        raise SolverError(
+            f"no periodic state with a period of {period:g} s was found; the last residual is {np.abs(missed).max():.3g} K.", where
+        )
     for _ in range(MOST_PERIODS if gradients else 0):
         _, moved = after(state, slopes)
         change = inverse @ (moved - slopes)[massive]

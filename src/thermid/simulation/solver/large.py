@@ -165,16 +165,16 @@ def _message(found: Any, options: Options, end: float, name: Any, follows: bool)
     """Return what ran out, when, where and what to change; `follows` as in `runs_away`."""
     node = f" at '{name(found.node)}'" if found.node >= 0 else ""
     when = f"at {found.time:.6g} s of {end:.6g} s{node}"
-    instead = " RKC2 takes short steps where one node is fast: leave the method out." if options.method == "RKC2" else ""
+    instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
     words = {
         _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance."
         + instead,
-        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise large_tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or raise large_tolerance.",
         _kernel.NON_FINITE: unsolved(when, follows),
         _kernel.RUN_AWAY: runs_away(when, follows),
-        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined;"
-        " RKC2 takes no massless nodes at all, TR-BDF2 does.",
-        _kernel.BAD_INPUT: f"a temperature must lie between 0 K and 1e6 K, which does not hold {when}. Look there.",
+        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined. RKC2 does "
+        "not support massless nodes; TR-BDF2 does.",
+        _kernel.BAD_INPUT: f"a temperature left the range 0 K to 1e6 K {when}. Check the inputs at that time.",
     }
     return words.get(found.status, f"the run stopped {when}.")
 

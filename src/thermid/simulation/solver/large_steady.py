@@ -15,6 +15,8 @@ from thermid.simulation.solver.sparse import NONE, SparseNetwork
 
 MOST_NEWTON = 60
 LARGEST_MOVE = 100.0
+MOST_DIRECT: Final = 1500
+"""Nodes up to which a step is solved by elimination, which takes less than the search for multigrid's levels."""
 LOOSE: Final = 1e-2
 """Heat left over by the gradients of one step of Newton's method, relative to that before it: the next step corrects the rest."""
 WITHOUT_MULTIGRID = 200_000
@@ -53,18 +55,33 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
         if not (at.diagonal() > 0).all() or (k == 0 and not _held(at, slope)):
             raise SolverError(_no_steady(network), where)
         # laws change by far in the first step from a guess that is uniform: the hierarchy is made anew once
-        if precondition is None or k == 1:
-            with threadpool_limits(limits=1):  # matrices of a few rows: threads would only wait for one another
-                precondition, made_by = _preconditioner(at, where)
-        with threadpool_limits(limits=1):
-            change, failed = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
+        with threadpool_limits(limits=1):  # matrices of a few rows: threads would only wait for one another
+            if nodes <= MOST_DIRECT:
+                change, failed, made_by = _eliminated(at, heat)
+            else:
+                if precondition is None or k == 1:
+                    precondition, made_by = _preconditioner(at, where)
+                change, info = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
+                failed = bool(info)
         size = float(np.abs(change).max())
         if failed or not np.isfinite(size):
             raise SolverError(_no_steady(network), where)
         temperatures = _moved(problem, time, temperatures, change * min(1.0, LARGEST_MOVE / max(size, 1e-300)), heat)
         if size < accuracy:
-            return temperatures, {"method": f"Newton + CG, {made_by}", "newton": k + 1, "iterations": iterations, "last_change": size}
+            method = f"Newton, {made_by}" if precondition is None else f"Newton + CG, {made_by}"
+            return temperatures, {"method": method, "newton": k + 1, "iterations": iterations, "last_change": size}
     raise SolverError(unsettled(any(not g.fixed for g in network.loads)), where)
+
+
+def _eliminated(matrix: Any, heat: Array) -> tuple[Array, bool, str]:
+    """Return the change of temperatures (nodes,) by elimination [K], whether there is none, and what it is called."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    try:
+        factor = cho_factor(matrix.toarray(), lower=True, overwrite_a=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return np.zeros(heat.size), True, ""
+    return np.asarray(cho_solve(factor, heat, check_finite=False)), False, "Cholesky"
 
 
 class _Matrix:
@@ -151,6 +168,6 @@ def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: 
 def _no_steady(network: SparseNetwork) -> str:
     """Return why there is no steady state."""
     if not network.boundaries:
-        return "there is no steady state: nothing ties the temperatures to a given one. Let a face exchange with a boundary."
-    grows = ", or a power grows faster with temperature than the heat can leave" if any(not g.fixed for g in network.loads) else ""
-    return f"there is no steady state that could be found: a part has no path to a boundary{grows}."
+        return "no steady state exists: no face exchanges heat with a boundary. Give one of them a boundary."
+    grows = ", or a power grows faster with temperature than the heat removed" if any(not g.fixed for g in network.loads) else ""
+    return f"no steady state was found: a part has no path to a boundary{grows}."

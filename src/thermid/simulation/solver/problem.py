@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from numbers import Integral, Real
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import gradient_of, value_of
+from thermid.errors import ScenarioError
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve, value_and_slope
@@ -129,6 +131,23 @@ class Options:
     large_tolerance: float | None = None
     extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
 
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        ScenarioError   Which it is.
+        """
+        for name in ("tolerance", "relative", "input_tolerance", "max_step", "max_steps", "large_tolerance"):
+            given = getattr(self, name)
+            if given is not None and (isinstance(given, bool) or not isinstance(given, Real) or not given >= 0.0):
+                raise ScenarioError(f"it takes a number, zero or above, not {given!r}.", f"Options, {name}")
+        for name, kind in (("method", str), ("extremes", bool)):
+            if not isinstance(given := getattr(self, name), kind):
+                raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {given!r}.", f"Options, {name}")
+        if not isinstance(self.max_steps, Integral):
+            raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps")
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:
@@ -197,7 +216,7 @@ LARGE_FROM: Final = 500
 """Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""
 UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
 """How a run ends that reaches where a table has no values."""
-MAY_HAVE_LEFT: Final = ' A table that is refused outside its points may have been left; add points to it, or choose outside = "hold".'
+MAY_HAVE_LEFT: Final = ' A table with outside = "refuse" may have left its range: add points, or set outside = "hold".'
 
 
 def break_times(signals: Iterable[Signal], end: float) -> Array:
@@ -247,17 +266,19 @@ def kernel_input(given: Drawn) -> tuple[int, Array, Array]:
 def unsettled(follows: bool) -> str:
     """Return why Newton's method came to no end; `follows` says whether a power follows a temperature at all."""
     if follows:
-        return "no steady state was found; a power may run away with temperature."
+        return (
+            "no steady state was found; a power may grow without limit with temperature. Check the temperature coefficients of the loads."
+        )
     return (
-        "no steady state was found above 0 K. Look for a negative power that takes more than can flow in; a body without heat that sees"
-        " 0 K alone cools without end."
+        "no steady state was found above 0 K. Look for a negative power larger than the heat that can flow in. A body without heat "
+        "that radiates to 0 K alone cools without limit."
     )
 
 
 def runs_away(when: str, follows: bool) -> str:
     """Return why a temperature leaves every range; `follows` says whether a power follows a temperature at all."""
-    cause = "a power grows faster with temperature than the heat can leave" if follows else "more heat goes in than can leave"
-    return f"the temperature runs away {when}: {cause}. Where it falls below 0 K, a negative power takes more than there is."
+    cause = "a power grows faster with temperature than the heat removed" if follows else "more heat is supplied than removed"
+    return f"the temperature rises without limit {when}: {cause}. If it falls below 0 K, a negative power is too large."
 
 
 def unsolved(when: str, follows: bool) -> str:
@@ -272,20 +293,20 @@ def ending(found: Any, names: Sequence[str], max_steps: int, end: float, follows
     when = f"at {found.time:.6g} s of {end:.6g} s{node}"
     words = {
         _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
-        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a law that jumps there, or raise the tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or raise the tolerance.",
         _kernel.NEWTON_FAILED: unsolved(when, follows),
         _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
         _kernel.RUN_AWAY: runs_away(when, follows),
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
-        _kernel.BAD_INPUT: f"a temperature must not lie below 0 K and every number be finite, which does not hold {when}. Look there.",
-        _kernel.CHATTER: f"a thermostat switches without end {when}. Widen its hysteresis.",
+        _kernel.BAD_INPUT: f"a temperature fell below 0 K, or a number is not finite, {when}. Check the inputs at that time.",
+        _kernel.CHATTER: f"a thermostat switches endlessly {when}. Widen its hysteresis.",
     }
     return words.get(found.status, f"the run stopped {when}.")
 
 
 NEAR: Final = 0.1
 """How close to the end of its table a run stands that cannot go on. [K]"""
-GOES_ON: Final = {"hold": "stays constant", "linear": "goes on as a straight line", "refuse": "is refused"}
+GOES_ON: Final = {"hold": "stays constant", "linear": "is extended as a straight line", "refuse": "is refused"}
 """What a table does outside its points."""
 
 
@@ -331,7 +352,7 @@ def left_tables(network: Network, numbers: Numbers, at: Callable[[str], Array], 
             first, low, high = times[beyond.argmax()], float(seen.min()), float(seen.max())
             out.append(
                 f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
-                f" {high:.6g} K; beyond its range a law {GOES_ON[curve.outside]}"
+                f" {high:.6g} K. Beyond its range the law {GOES_ON[curve.outside]}, so the result is an extrapolation there"
             )
     return tuple(out)
 
@@ -348,7 +369,7 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
             out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
     if not out:
         return ""
-    return f'{" and ".join(dict.fromkeys(out))}, outside which it is refused. Add points, or choose outside = "hold".'
+    return f'{" and ".join(dict.fromkeys(out))}, and outside = "refuse" ends the run. Add points, or set outside = "hold".'
 
 
 class KernelProblem:

@@ -70,7 +70,7 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     for name in boundaries:
         if name not in network.boundaries:
             raise ScenarioError(
-                f"'{name}' is a node with its own balance, not a boundary. To drive it by a given temperature put it under 'prescribed'.",
+                f"'{name}' is a node with a heat balance, not a boundary. To prescribe its temperature put it under 'prescribed'.",
                 where,
             )
     for name in network.boundaries:
@@ -82,7 +82,7 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     commands = {load(k): v for k, v in scenario.commands.items()}
     both = sorted(set(loads) & set(commands))
     if both:
-        raise ScenarioError(f"load '{both[0]}' has both a power and a command; give one of them.", where)
+        raise ScenarioError(f"load '{both[0]}' has both a power and a command. Give one of them.", where)
     gains = {load(k): gain(v) for k, v in scenario.gains.items()}
     initial = {network.find(k, where): v for k, v in scenario.initial.items()}
     scenario.check_spans()
@@ -116,7 +116,8 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
         if watts is not None:
             if load.curve is not None:
                 raise ScenarioError(
-                    f"the power of '{load.path}' is a table, which a power of the scenario cannot stand in place of. Give it a command.",
+                    f"the power of '{load.path}' is a table of temperature, so the scenario cannot replace it by a power. Give a "
+                    "command instead.",
                     scenario.title,
                 )
             out[f"watts {load.path}"] = watts
@@ -284,7 +285,9 @@ class ScheduledCoefficients:
         network, schedule, names = self.network, self.schedule, tuple(self.schedule.signals)
         clash = sorted(set(names) & set(free))
         if clash:
-            raise ScenarioError(f"'{clash[0]}' follows a schedule, so it cannot be freed. Free what multiplies it.", network.title)
+            raise ScenarioError(
+                f"'{clash[0]}' follows a schedule, so it cannot be fitted. Free a factor that multiplies it.", network.title
+            )
         kept = network.parts({**free, **schedule.overrides(self.reference)})
 
         def at(k: int) -> Varied:
@@ -310,14 +313,14 @@ class ScheduledCoefficients:
                 slack = 0.0 if course is None else SAME[1] + SAME[0] * abs(ratio)
                 if not np.abs(value - ratio * base) <= slack * np.abs(base):
                     raise ScenarioError(
-                        f"in '{row.name}' a parameter that changes from run to run and a scheduled one do not act as a product, so one "
-                        "schedule does not serve all runs. Run them one by one, with with_values.",
+                        f"in '{row.name}' a parameter that differs between runs and a scheduled one do not act as a product, so the "
+                        "runs need different schedules. Run them one by one, with with_values.",
                         self.network.title,
                     )
                 if course is not None and not _same_slopes(number, ratio, mine[r][c]):
                     raise ScenarioError(
-                        f"in '{row.name}' a freed parameter and a scheduled one do not act as a product, so their effects cannot be told "
-                        "apart.",
+                        f"in '{row.name}' a free parameter and a scheduled one do not act as a product, so their effects cannot be "
+                        "separated. Fix the parameter.",
                         self.network.title,
                     )
 
@@ -349,7 +352,9 @@ def _check_masses(own: Varied, first: Varied, title: str) -> None:
     for node, capacitance in own.capacitances.items():
         before = first.capacitances[node]
         if capacitance is not None and before is not None and value_of(capacitance) != value_of(before):
-            raise ScenarioError(f"the capacitance of '{node}' would change with the schedule; only conductors and loads can.", title)
+            raise ScenarioError(
+                f"the capacitance of '{node}' depends on a schedule; only conductors and loads may. Give it a constant.", title
+            )
 
 
 def _same_slopes(number: Number, ratio: float, base: Number) -> bool:
@@ -536,7 +541,7 @@ class Wiring:
         if head == "reading" or (head == "scale" and node in {load.path for load in self.network.flat.loads}):
             return
         known = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
-        raise ScenarioError(f"nothing named '{name}' can be freed.{nearest(name, known)}", self.network.title)
+        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, known)}", self.network.title)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
         return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
@@ -569,7 +574,7 @@ class Wiring:
             self._check_start(self.start)
         if start == "":
             if len(self.network.boundaries) != 1:
-                raise ScenarioError("there is no start: give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
+                raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
             start = self.network.boundaries[0]
         self._start = self._temperature(start, "start") if self.start is None else STEADY
         self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
@@ -582,13 +587,16 @@ class Wiring:
         if start.kind == STEADY:
             return
         if (self.cycle or 0.0) > seconds * (1.0 + 1e-9):
-            raise ScenarioError(f"the inputs repeat after {self.cycle:g} s, and the run lasts {seconds:g} s. Let it last a period.", where)
+            raise ScenarioError(
+                f"the inputs have a period of {self.cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.",
+                where,
+            )
         if start.kind == PERIODIC and not self.cycle:
             if not self.changing:
-                raise ScenarioError("nothing comes back periodically, as no input changes in time. Write start = 'steady'.", where)
+                raise ScenarioError("a periodic start needs inputs that change in time, and none does. Write start = 'steady'.", where)
             raise ScenarioError(
-                f"nothing comes back periodically: {', '.join(self.changing)} do not repeat. A table repeats with after = 'repeat'; "
-                "the longest period is at most a thousand of the shortest.",
+                f"a periodic start needs periodic inputs, but {', '.join(self.changing)} do not repeat. Give a table after = "
+                "'repeat'; the longest period may be at most 1000 times the shortest.",
                 where,
             )
 
@@ -600,7 +608,9 @@ class Wiring:
                 return path
             if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
                 known = [*self.network.boundaries, STEADY, PERIODIC]
-                raise ScenarioError(f"'{value}' is no temperature and no boundary.{nearest(value, known)}", f"{self.scenario.title}, {key}")
+                raise ScenarioError(
+                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, known)}", f"{self.scenario.title}, {key}"
+                )
         return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
 
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
@@ -828,7 +838,7 @@ class Wiring:
             follow = self._follow.get((row.name, position, c), "")
             signal, number = row.signal if c == 0 else "", own
             if follow and signal and self.signals[signal] != Constant(1.0):
-                raise ScenarioError(f"load '{row.name}' follows both a command and a schedule; put both into one.", self.scenario.title)
+                raise ScenarioError(f"load '{row.name}' follows both a command and a schedule. Combine them into one.", self.scenario.title)
             if c == 0 and signal.startswith("load "):
                 number = self._power(row.name, own, numbers, given)
             out.append((number, follow or signal))
@@ -886,7 +896,7 @@ class Wiring:
         """
         span = self.cycle or self.scenario.seconds
         if self.changing and not span:
-            raise ScenarioError("a mean over what? The inputs do not repeat; give a duration.", self.scenario.title)
+            raise ScenarioError("the mean needs a period, but the inputs do not repeat. Give a duration.", self.scenario.title)
         assert self.structure  # laid out before it is shared
         out = copy(self)
         out.signals = {}
@@ -910,8 +920,8 @@ class Wiring:
             return ""
         several = ", ".join(self.changing)
         return (
-            f"steady with the inputs of {time:g} s held, while {several} change{'s' if len(self.changing) == 1 else ''} in time; "
-            "their mean ('mean'), another time or the state that comes back ('periodic') can be asked for"
+            f"steady with the inputs of {time:g} s, although {several} change{'s' if len(self.changing) == 1 else ''} in time. For "
+            "another state give their mean ('mean'), another time, or the periodic state ('periodic')"
         )
 
     def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:

@@ -42,7 +42,7 @@ opensWith(open);
 // decks, logs and campaigns that their author changes: what is shown is opened anew
 async function follow() {
   if (!document.hidden && s.stage && s.project.job?.ended !== false) {
-    const now = await ask("/api/fresh").catch(() => null); // a studio that was ended says so when something is asked of it
+    const now = await ask("/api/fresh").catch(() => null); // a studio that was ended states this when something is asked of it
     const other = (name, than) => JSON.stringify(now[name]) !== than;
     if (now && other(s.stage, s.edition)) {
       await refresh();

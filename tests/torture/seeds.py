@@ -1,0 +1,324 @@
+"""A good file of every kind in one folder, and what reads it: in Python and on the command line."""
+
+# ruff: noqa: E501  # lines of files and tables
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+import thermid as td
+from thermid.acquire.bench_files import load_programme, load_sensors
+from thermid.campaign.cache import recall
+from thermid.campaign.file import read_campaign
+from thermid.interop.initfcn import read_initfcn
+from thermid.judge.limits import load_limits
+from thermid.judge.verdict import look, looks_at
+from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.measure import read_plain
+from thermid.qualify.plan import lock_plan, lock_status
+from unit.qualify.project import PLAN, project
+
+DECK = """title = "unit"
+needs = ["air", "plate"]
+offers = ["case"]
+aliases = { T1 = "case" }
+
+[parameters]
+side = "8 [cm]"
+share = { value = 0.4, min = 0.1, max = 0.9, source = "assumed", note = "a guess" }
+
+[nodes]
+case = { mass = "120 [g]", specific_heat = "900 [J/(kg K)]", reference_point = true }
+chip = { capacitance = "5 [J/K]" }
+foot = {}
+
+[surfaces.skin]
+of = "case"
+to = "air"
+area = "2*side**2"
+htc = { coefficient = "1.5 [W/(m^2 K)]", exponent = 0.25 }
+emissivity = 0.8
+
+[conductors]
+pad = { kind = "contact", between = ["chip", "case"], contact_conductance = "900 [W/(m^2 K)]", area = "3 [cm^2]" }
+strap = { kind = "conduction", between = ["case", "foot"], conductivity = "200 [W/(m K)]", area = "40 [mm^2]", thickness = "60 [mm]" }
+bolt = { kind = "conduction", between = ["foot", "plate"], conductance = { value = "0.3 [W/K]", min = 0.1, max = 1 } }
+window = { kind = "radiation", between = ["case", "air"], emissivity = 0.9, area = "50 [cm^2]" }
+vapour = { kind = "table", between = ["case", "plate"], table = { over = "temperature", points = [["0 [degC]", "0.01 [W/K]"], ["40 [degC]", "0.08 [W/K]"]] } }
+blower = { kind = "conduction", between = ["case", "air"], conductance = "0.2 [W/K]", control = "valve" }
+
+[controls.valve]
+follows = "case"
+table = { points = [["20 [degC]", "0.1"], ["40 [degC]", "1"]] }
+
+[loads]
+cpu = { into = "chip", power = "2 [W]" }
+warm_up = { into = "case", power = "2 [W]", thermostat = { on_below = "10 [degC]", off_above = "14 [degC]" } }
+radio = { into = "case", power = "6 [W]", periodic = { period = "10 [min]", duty = 0.2 } }
+"""
+SCENARIO = """title = "day"
+start = "20 [degC]"
+duration = "1 [h]"
+initial = { chip = "25 [degC]" }
+
+[boundaries]
+air = { mean = "20 [degC]", amplitude = "3 [K]", period = "24 [h]" }
+plate = { times = ["0 [s]", "1 [h]"], values = ["20 [degC]", "25 [degC]"], after = "hold" }
+
+[loads]
+cpu = { file = "rig.csv", column = "POWER", time = "time_s", hold = true, after = "hold" }
+
+[schedule]
+"bolt.conductance" = { times = ["0 [s]", "30 [min]"], values = ["0.3 [W/K]", "0.2 [W/K]"], hold = true, after = "repeat", period = "40 [min]" }
+
+[environment.air]
+pressure = "0.9 [bar]"
+humidity = 0.4
+gas = "air"
+wind = "1 [m/s]"
+gravity = "9.81 [m/s^2]"
+"""
+PAD = """title = "pad"
+duration = "1 [h]"
+
+[site]
+latitude = -2.3
+longitude = -44.4
+altitude = "40 [m]"
+timezone = -3.0
+
+[weather]
+file = "weather.csv"
+max_gap = "1 [h]"
+air = "air"
+
+[sun]
+shines = false
+sky = false
+
+[boundaries]
+plate = "20 [degC]"
+"""
+CAMPAIGN = """title = "One level"
+note = "made for the fuzzer"
+
+[records.bench]
+file = "rig.csv"
+time = "time_s"
+channels = { T_CASE = { node = "case", noise = "0.05 [K]", accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }, POWER = { load = "cpu" } }
+prepare = [{ trim = ["0 [s]", "50 [min]"] }]
+
+[[stages]]
+name = "unit"
+model = "unit.toml"
+records = ["bench"]
+free = ["bolt.conductance"]
+scenario = { boundaries = { plate = "20 [degC]" }, start = "20 [degC]" }
+priors = { "bolt.conductance" = { mean = "0.3 [W/K]", sd = "0.1 [W/K]" } }
+
+[[verdicts]]
+model = "unit"
+record = "bench"
+criteria = { rmse = "0.5 [K]" }
+"""
+STUDY = """title = "Study"
+
+[knowledge]
+subject = "a unit"
+use = "to fuzz"
+model = "unit.toml"
+
+[components.box]
+at = "case"
+lowest = "-20 [degC]"
+highest = "60 [degC]"
+
+[components.chip]
+at = "chip"
+
+[sensors.T]
+accuracy = "0.3 [K]"
+channels = ["T_CASE", "ROOM", "POWER"]
+
+[procedure]
+campaign = "campaign.toml"
+metrics = ["rmse"]
+
+[[actions]]
+name = "1"
+state = "done"
+stages = ["unit"]
+"""
+HOLD = """model = "unit.toml"
+scenario = "day.toml"
+members = 40
+seed = 3
+[limits]
+case = { highest = "60 [degC]" }
+[spread]
+"bolt.conductance" = "5 [%]"
+"""
+PROFILE = """[profile]
+title = "ours"
+like = "SMC-S-016 unit thermal cycle"
+level = "acceptance"
+cycles = 2
+hot = { value = "60 [degC]", mark = "project", clause = "4.2" }
+cold = "-20 [degC]"
+steps = [{ name = "up", to = "hot", ramp = "3 [K/min]" }, { dwell = "1 [h]", wait = true, power = "on" }, { to = "cold", over = "20 [min]" }]
+"""
+LIMITS = (
+    '[case]\nnode = "case"\noperating = ["-20 [degC]", "70 [degC]"]\nnon_operating = ["", "90 [degC]"]\nloads = ["cpu"]\nsource = "sheet"\n'
+)
+SENSORS = '[sensors.T1]\nrom = "2800003C0B1A0FCF"\nnote = "lid"\n[sensors.T1.certificate]\noffset = "0.1 [K]"\nuncertainty = "0.05 [K]"\ndate = "2026-01-01"\n'
+PROGRAMME = 'title = "step"\nend = "2 [h]"\nsteps = [{ at = "10 [min]", heater1 = "40 [%]" }, { at = "1 [h]", heater2 = 0.25 }]\n'
+SINDA = """HEADER NODE DATA, MAIN
+10, 20.0, 100.0
+20, 25.0, 50.0
+-99, 20.0, 1.0
+HEADER CONDUCTOR DATA, MAIN
+1, 10, 20, 0.5
+-2, 20, 99, 1.2E-9
+HEADER SOURCE DATA, MAIN
+10, 5.0
+HEADER CONTROL DATA, GLOBAL
+SIGMA = 5.67E-8
+END OF DATA
+"""
+SCRIPT = "m = 1.25; % mass [kg]\nc = 900; % specific heat [J/(kg K)]\nC1 = m*c;\nR = 1/(0.3 + 2e-3);\n"
+TRAJECTORY = "time,altitude [km],speed [m/s]\n0,0,0\n60,12,500\n120,60,1800\n180,110,2500\n"
+
+
+def weather() -> str:
+    rows = [f"2026-03-21T{6 + k:02d}:00,{20 + k},60,{k}" for k in range(5)]
+    return "\n".join(["time,dry_bulb [degC],humidity [%],wind [m/s]", *rows, ""])
+
+
+def rig() -> str:
+    times = np.arange(0.0, 3601.0, 30.0)
+    warm = 20.0 + 6.0 * (1.0 - np.exp(-times / 900.0))
+    rows = [f"{t:g},{w:.3f},{20.0 + 0.1 * np.sin(t / 200.0):.3f},{2.0 if t > 120 else 0.0}" for t, w in zip(times, warm, strict=True)]
+    return "\n".join(["time_s,T_CASE,ROOM,POWER [W]", *rows, ""])
+
+
+def bench_log() -> bytes:
+    head = {"format": 1, "sensors": [{"rom": "2800003C0B1A0FCF", "name": "T1"}]}
+    return f"# thermid log {json.dumps(head)}\ntime [s],T1 [degC]\n0,20.0\n1,20.1\n2,20.2\n".encode()
+
+
+def make(folder: Path) -> None:
+    """Write the project."""
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {
+        "unit.toml": DECK, "day.toml": SCENARIO, "pad.toml": PAD, "campaign.toml": CAMPAIGN, "study.toml": STUDY, "hold.toml": HOLD,
+        "profile.toml": PROFILE, "limits.toml": LIMITS, "sensors.toml": SENSORS, "programme.toml": PROGRAMME, "net.cc": SINDA,
+        "tune.m": SCRIPT, "flight.csv": TRAJECTORY, "weather.csv": weather(), "rig.csv": rig(), "thermid.toml": "",
+        "by_hand.toml": '[values]\n"bolt.conductance" = { value = "0.2 [W/K]", sd = "0.02 [W/K]" }\n',
+    }  # fmt: skip
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "rig.csv.gz").write_bytes(gzip.compress(rig().encode(), mtime=0))
+    (folder / "bench.csv").write_bytes(bench_log())
+    item = FittedValue("bolt.conductance", 0.25, 0.01, 0.005, True, "W/K", 0.3, (0.1, 1.0), "unit: bench")
+    made = {"records": {"bench": "a" * 64}, "version": "0.2", "date": "2026-01-01", "conditions": {}, "misfit": {"case": 0.1}}
+    FittedValues("unit", {item.path: item}, np.array([[0.0016]]), made).save(folder / "unit.values.toml")
+    look(folder, "bench", "a" * 64, "unit", "k", False)
+    (folder / "unit.fit.json").write_text(json.dumps({"key": "k", "code": "c", "ingredients": {}, "fitted": {"x": 1.0}}), encoding="utf-8")
+    (folder / "qualify").mkdir(exist_ok=True)
+    plan = project(folder / "qualify", PLAN)
+    lock_plan(td.load_plan(plan))
+
+
+def _run_deck(file: Path) -> None:
+    model = td.load_model(file)
+    bounds = dict.fromkeys(model.needs, "20 [degC]")
+    td.simulate(model, td.Scenario("x", boundaries=bounds, start="20 [degC]", duration="10 [min]"), every="1 [min]")
+
+
+def _run_scenario(file: Path) -> None:
+    td.simulate(td.load_model(file.parent / "unit.toml"), td.load_scenario(file), every="5 [min]")
+
+
+def _values(file: Path) -> None:
+    str(dict(td.load_values(file)))
+
+
+def _profile(file: Path) -> None:
+    profile = td.load_profile(file)
+    _ = profile.steps
+    str(profile)
+
+
+def _plan(file: Path) -> None:
+    lock_status(td.load_plan(file))
+
+
+def _lock(file: Path) -> None:
+    lock_status(td.load_plan(file.with_name("plan.toml")))
+
+
+def _record(file: Path) -> None:
+    td.read_record(file, {"T_CASE": {"node": "case"}, "POWER": {"load": "cpu"}}, time="time_s")
+
+
+def _weather(file: Path) -> None:
+    str(td.read_weather(file, max_gap="2 [h]"))
+
+
+def _study(file: Path) -> None:
+    td.load_study(file)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: a good one, what reads it in Python, and commands; `{}` stands for the file."""
+
+    file: str
+    read: Callable[[Path], Any]
+    commands: tuple[tuple[str, ...], ...] = ()
+
+
+KINDS: Final[dict[str, Kind]] = {
+    "deck": Kind(
+        "unit.toml",
+        _run_deck,
+        (
+            ("check", "{}"),
+            ("simulate", "{}", "--boundary", "air=20", "--boundary", "plate=20", "--start", "20", "--for", "10 [min]", "--json"),
+            ("steady", "{}", "--boundary", "air=20", "--boundary", "plate=20"),
+            ("diagram", "{}", "--to", "out.svg", "--force"),
+        ),
+    ),
+    "scenario": Kind(
+        "day.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"), ("steady", "unit.toml", "--scenario", "{}"))
+    ),
+    "surroundings": Kind("pad.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"),)),
+    "campaign": Kind("campaign.toml", read_campaign, (("check", "{}"), ("check", "{}", "--json"))),
+    "study": Kind("study.toml", _study),
+    "plan": Kind("qualify/plan.toml", _plan, (("plan", "{}"),)),
+    "lock": Kind("qualify/plan.lock.json", _lock, (("plan", "qualify/plan.toml"),)),
+    "limits": Kind("limits.toml", load_limits),
+    "hold": Kind("hold.toml", td.load_hold, (("hold", "{}"),)),
+    "profile": Kind("profile.toml", _profile, (("profile", "{}"),)),
+    "values": Kind("unit.values.toml", _values, (("simulate", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
+    "values by hand": Kind("by_hand.toml", lambda f: None, (("steady", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
+    "looks": Kind("looks.json", lambda f: looks_at(f.parent, "x")),
+    "kept fit": Kind("unit.fit.json", lambda f: recall(f.parent, "unit", "k")),
+    "sensor map": Kind("sensors.toml", load_sensors),
+    "programme": Kind("programme.toml", load_programme),
+    "log": Kind("rig.csv", _record, (("look", "{}"), ("look", "{}", "--json"), ("settle", "{}"))),
+    "packed log": Kind("rig.csv.gz", _record, (("look", "{}"),)),
+    "log of a bench": Kind("bench.csv", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
+    "weather": Kind("weather.csv", _weather),
+    "trajectory": Kind("flight.csv", td.read_trajectory),
+    "deck of SINDA": Kind("net.cc", lambda f: None, (("import", "{}", "--to", "imported", "--force"),)),
+    "script": Kind("tune.m", lambda f: read_initfcn(f)),
+}

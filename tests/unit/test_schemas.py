@@ -1,0 +1,189 @@
+"""Every kind of file has one grammar: what does not follow it is refused with file, line and key, all faults at once."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import thermid as td
+from thermid.acquire.bench_files import load_programme, load_sensors
+from thermid.errors import DeckError, RecordError, ScenarioError, ThermidError
+from thermid.extensions import GRAMMARS, json_schema
+from thermid.judge.limits import load_limits
+from thermid.judge.verdict import looks_at
+from thermid.toml_files import read_json
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("kind", GRAMMARS)
+def test_the_schemas_for_editors_are_current(kind: str) -> None:
+    spec = importlib.util.spec_from_file_location("write_schema", ROOT / "scripts/write_schema.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert (script.FOLDER / f"{kind}.schema.json").read_text(encoding="utf-8") == script.text(kind), "run: python scripts/write_schema.py"
+
+
+def test_a_schema_says_names_and_types() -> None:
+    schema = json_schema("scenario")
+    assert schema["additionalProperties"] is False
+    assert {"boundaries", "loads", "environment", "duration", "weather", "ascent"} <= set(schema["properties"])
+    assert {"TimesTable", "SineTable", "ColumnTable", "GasTable"} <= set(schema["$defs"])
+    assert schema["properties"]["as_printed"]["type"] == "boolean"
+
+
+FAULTS: list[tuple[Any, type[ThermidError], str, str]] = [
+    (td.load_scenario, ScenarioError, "duration = true\n", "x.toml:1, duration: a text with its unit"),
+    (td.load_scenario, ScenarioError, "\n[boundaries]\nair = [1]\n", "x.toml:3, boundaries.air: a text with its unit"),
+    (td.load_scenario, ScenarioError, "[loads]\nq = { times = ['0 [s]'], valus = [] }\n", "x.toml:2, loads.q.values: is missing"),
+    (td.load_scenario, ScenarioError, "[loads]\nq = { mean = 1, amplitude = true, period = '1 [h]' }\n", "loads.q.amplitude: a text with"),
+    (td.load_scenario, ScenarioError, "[environment]\nair = 3\n", "x.toml:2, environment.air: a table is needed, not 3"),
+    (td.load_scenario, ScenarioError, "[environment.air]\npresure = '1 [bar]'\n", r"air\.presure: .* Did you mean 'pressure'"),
+    (td.load_scenario, ScenarioError, "[irradiation.lid]\nsky_view = 2.0\n", r"x.toml:2, irradiation\.lid\.sky_view"),
+    (td.load_scenario, ScenarioError, "[gains]\nq = 1\n", "x.toml:2, gains.q: a text is needed, not 1"),
+    (td.load_scenario, ScenarioError, "as_printed = 'yes'\n", "as_printed: true or false is needed, not 'yes'"),
+    (td.load_scenario, ScenarioError, "[weather]\nfile = 3\n", "x.toml:2, weather.file: a text is needed"),
+    (td.load_scenario, ScenarioError, "[weather]\nyear = 2025.5\n", "x.toml:2, weather.year"),
+    (td.load_scenario, ScenarioError, "[wind.lid]\nlength = '1 [m]'\n", "wind.lid.calm: is missing"),
+    (td.load_scenario, ScenarioError, "[ascent]\nflow = { lid = 2.0 }\n", "ascent.flow.lid"),
+    (load_limits, ScenarioError, "[box]\nnode = 1\noperating = ['', '5 [degC]']\n", "x.toml:2, box.node: a text is needed, not 1"),
+    (load_limits, ScenarioError, "box = 1\n", "x.toml:1, box: a table is needed"),
+    (load_limits, ScenarioError, "[box]\nnode = 'a'\noperating = [{}, 1]\n", r"x.toml:3, box\.operating\.0: a text with its unit"),
+    (td.load_profile, ScenarioError, "[profile]\nhot = true\n", "x.toml:2, profile.hot: a text with its unit"),
+    (td.load_profile, ScenarioError, "[profile]\nsteps = 3\n", "x.toml:2, profile.steps: a list is needed"),
+    (td.load_profile, ScenarioError, "[profile]\nsteps = [{ wait = 'no' }]\n", r"profile\.steps\.0\.wait: true or false"),
+    (td.load_profile, ScenarioError, "profile = 3\n", "x.toml:1, profile: a table is needed"),
+    (td.load_hold, DeckError, "model = 1\nscenario = 'a'\nlimits = { a = '1 [degC]' }\n", "x.toml:1, model: a text is needed"),
+    (
+        td.load_hold,
+        DeckError,
+        "model = 'a'\nscenario = [1]\nlimits = { a = '1 [degC]' }\n",
+        "x.toml:2, scenario: a text or a list",
+    ),
+    (td.load_hold, DeckError, "model = 'a'\nscenario = 'b'\nlimits = { a = [] }\n", "x.toml:3, limits.a: a text with its unit"),
+    (td.load_values, DeckError, "schema = 2\nstage = 1\n", "this is not a values file of thermid"),
+    (td.load_values, DeckError, "schema = 1\n", "this is not a values file of thermid"),
+    (td.load_values, DeckError, "schema = 'x'\n", "this is not a values file of thermid"),
+    (load_sensors, RecordError, "sensors = 3\n", "sensors: a table is needed"),
+    (load_sensors, RecordError, "[sensors.T1]\nrom = 28\n", r"sensors\.T1\.rom: a text is needed, not 28"),
+    (load_programme, RecordError, "steps = 3\n", "steps: a list is needed"),
+    (load_programme, RecordError, "steps = [{ at = true }]\n", r"steps\.0\.at: a text with its unit"),
+    (td.load_plan, DeckError, "title = 1\n", "x.toml"),
+    (td.load_study, DeckError, "title = 1\n", r"x.toml:1, title: a text is needed"),
+]
+
+
+@pytest.mark.parametrize(("load", "error", "text", "words"), FAULTS)
+def test_a_fault_is_named_with_its_place(load: Any, error: type[ThermidError], text: str, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(error, match=words):
+        load(file)
+
+
+def test_all_faults_are_listed_and_a_long_list_is_counted(tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text("\n".join(f"k{n} = 1" for n in range(30)), encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        td.load_scenario(file)
+    assert str(caught.value).count("is not a field here") == 13
+    assert str(caught.value).endswith("and 17 more faults.")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", "{}", '[{"record": 1}]', "[" * 100_000, "1" * 5000, '"x"', "[null]"])
+def test_a_damaged_list_of_looks_forgets_nothing(text: str, tmp_path: Path) -> None:
+    (tmp_path / "looks.json").write_text(text, encoding="utf-8")
+    with pytest.raises(DeckError, match="the file is damaged"):
+        looks_at(tmp_path, "x")
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"locks": 1, "looks": []}', '{"locks": [{}], "looks": []}', '{"locks": [], "looks": [1]}'])
+def test_a_damaged_lock_is_no_lock(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "plan.lock.json"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(DeckError, match="it is no lock of a plan any more"):
+        read_json(file, "lock")
+
+
+WATTS = {"times": ["0 [s]", "1 [h]"], "values": ["1 [W]", "2 [W]"]}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: td.Scenario("x", boundaries={"air": {"times": 3, "values": ["1 [degC]"]}}), "the times of a table are a list, not 3"),
+        (lambda: td.Scenario("x", loads={"q": {**WATTS, "values": [{}, 1]}}), "a number with a unit is needed"),
+        (lambda: td.Scenario("x", loads={"q": True}), "a number with a unit is needed"),
+        (lambda: td.Scenario("x", schedule={"a": {"times": ["0 [s]"], "values": 3}}), "the values of a table are a list, not 3"),
+        (lambda: td.Scenario("x", initial=3), "x, initial: it takes a dictionary"),
+        (lambda: td.Scenario("x", initial={"a": None}), r"x, initial\.a: it takes a temperature or a name, not None"),
+        (lambda: td.Scenario("x", environment=[1]), "x, environment: it takes a dictionary"),
+        (lambda: td.Scenario("x", gains="a"), "x, gains: it takes a dictionary"),
+        (lambda: td.Scenario("x", duration={}), "x, duration: a number with a unit is needed"),
+        (lambda: td.Scenario("x", start=[]), "x, start: it takes a temperature"),
+        (lambda: td.Environment(humidity=[]), "environment, humidity"),
+        (lambda: td.Environment(gas={}), "environment, gas: it takes a name"),
+        (lambda: td.Environment(wind=None), "environment, wind"),
+        (lambda: td.Options(tolerance="x"), "Options, tolerance: it takes a number"),
+        (lambda: td.Options(max_steps=1.5), "Options, max_steps: it takes a whole number"),
+        (lambda: td.Options(method=None), "Options, method: it takes a name"),
+        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", level={}), "a standard, a profile and a level are texts"),
+        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", predicted=({}, 1)), "a number with a unit is needed"),
+        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", cycles=10**9, hot=330.0, cold=250.0).steps, "at most 10000"),
+        (lambda: td.read_record("x.csv", "T"), "`channels` takes a dictionary, not 'T'"),
+        (lambda: td.read_record("x.csv", {"T": "T"}, units={"T": 3}), "its unit is a text, not 3"),
+    ],
+)
+def test_arguments_of_another_type_are_refused_in_words(call: Any, words: str) -> None:
+    with pytest.raises(ThermidError, match=words):
+        call()
+
+
+PLATE = {
+    "title": "plate",
+    "needs": ["air"],
+    "nodes": {"plate": {"capacitance": "100 [J/K]"}},
+    "conductors": {"film": {"kind": "conduction", "between": ["plate", "air"], "conductance": "0.4 [W/K]"}},
+    "loads": {"heater": {"into": "plate", "power": "5 [W]"}},
+}
+
+
+def warming(folder: Path) -> td.Record:
+    rows = [f"{30 * k},{20.0 + 0.05 * k},20" for k in range(40)]
+    (folder / "rig.csv").write_text("\n".join(["time_s,T,ROOM", *rows, ""]), encoding="utf-8")
+    return td.read_record(folder / "rig.csv", {"T": {"node": "plate"}, "ROOM": {"boundary": "air"}})
+
+
+def test_a_prior_without_a_mean_is_about_the_deck_s_value(tmp_path: Path) -> None:
+    """It ended with a ValueError behind the fit: a table of one key was unpacked as a pair."""
+    given = [{"sd": "0.1 [W/K]"}, ("", "0.1 [W/K]"), {"mean": "0.4 [W/K]", "sd": "0.1 [W/K]"}]
+    model, record = td.model_from_dict(PLATE), warming(tmp_path)
+    found = [td.calibrate(model, record, ["film.conductance"], priors={"film.conductance": one})["film.conductance"].value for one in given]
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("free", "more", "words"),
+    [
+        ([{}], {}, "a list of names"),
+        (3, {}, "a list of names"),
+        (["film.conductance"], {"priors": {"film.conductance": 3}}, "a prior is a pair"),
+        (["film.conductance"], {"priors": 3}, "`priors` takes a dictionary, not 3"),
+        (["film.conductance"], {"local": 3}, "`local` takes a dictionary"),
+        (["film.conductance"], {"scenario": [1]}, "`scenario` takes Scenario"),
+    ],
+)
+def test_a_fit_refuses_what_is_no_name_and_no_prior(free: Any, more: dict[str, Any], words: str, tmp_path: Path) -> None:
+    with pytest.raises(ThermidError, match=words):
+        td.calibrate(td.model_from_dict(PLATE), warming(tmp_path), free, **more)
+
+
+def test_what_a_grammar_takes_is_what_its_schema_says() -> None:
+    for kind in GRAMMARS:
+        json.dumps(json_schema(kind))
