@@ -36,7 +36,7 @@ class TestSamples:
 
     def test_short_chains_say_so(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
-        assert any("are needed. Give more steps." in w for w in td.posterior(fit, steps=40).warnings)
+        assert any("are needed. Give more steps." in w for w in td.inference.posterior(fit, steps=40).warnings)
 
     def test_draws_feed_an_ensemble(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
@@ -64,9 +64,9 @@ class TestSamples:
         pytest.importorskip("emcee")
         pytest.importorskip("dynesty")
         with pytest.raises(IdentificationError, match="samples need a fit made in this session,"):
-            td.posterior(replace(fit, problem=None))
+            td.inference.posterior(replace(fit, problem=None))
         with pytest.raises(IdentificationError, match="samples need the loss 'linear',"):
-            td.posterior(td.calibrate(fit.model, log(), ["near.conductance"], scenario=BENCH, loss="huber"))
+            td.inference.posterior(td.calibrate(fit.model, log(), ["near.conductance"], scenario=BENCH, loss="huber"))
         with pytest.raises(IdentificationError, match="noise of every sensor"):
             td.inference.evidence(td.calibrate(fit.model, log(noise=None), ["near.conductance"], scenario=BENCH))
         with pytest.raises(IdentificationError, match="nothing was free"):

@@ -169,6 +169,6 @@ def test_refusals() -> None:
     with pytest.raises(IdentificationError, match="only ratios to the power can be found"):
         td.inference.power_history(BOX, record, "q", scenario=AIR, free=["skin.emissivity"])
     with pytest.raises(IdentificationError, match="no part of a log of 14400 s"):
-        td.power_history(BOX, record, "q", scenario=AIR, known=[("3 [h]", "5 [h]", "2 [W]")])
+        td.inference.power_history(BOX, record, "q", scenario=AIR, known=[("3 [h]", "5 [h]", "2 [W]")])
     with pytest.raises(IdentificationError, match=r"\. Give at least four intervals\."):
-        td.power_history(BOX, record, "q", scenario=AIR, every="2 [h]")
+        td.inference.power_history(BOX, record, "q", scenario=AIR, every="2 [h]")

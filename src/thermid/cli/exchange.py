@@ -209,7 +209,7 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model for Octave, MATLAB, C, Modelica, SPICE, SINDA, ESATAN, or as an FMU.
+    """Write a model for Octave, C, Modelica, FMI, SPICE, SINDA, ESATAN.
 
     The scenario is written with it. What the format cannot say is refused.
     """

@@ -174,7 +174,7 @@ def _undecided(v: FittedValue) -> str:
     shown = f"{v.path} = {short(v.in_unit)} +- {short(v.error * v.in_unit / v.value if v.value else v.error)} {v.unit}"
     return (
         f"{shown}: not determined, because its 95 % interval includes zero. Fix it, give it a prior, or plan a better test with "
-        "td.next_test."
+        "td.design.next_test."
     )
 
 

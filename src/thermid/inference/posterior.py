@@ -156,7 +156,7 @@ class Evidence(Result):
         if better.doubts:
             return (
                 f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.doubts[0]}. Compare them on a "
-                "hold-out record, or look for physics that both lack with td.criticise."
+                "hold-out record, or look for physics that both lack with td.explain.criticise."
             )
         size, doubt = abs(far), math.hypot(self.error, other.error)
         scale = "negligible" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"

@@ -27,8 +27,9 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
 from thermid.reduction.macro import macro_model
+from thermid.results import Result
 from thermid.toml_files import Places, project_root, read_json, read_toml, refuse_another_kind, resolve_inside
-from thermid.units import TEMPERATURE
+from thermid.units import TEMPERATURE, counted
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import LockFile, PlanFile, TestTable

@@ -207,13 +207,13 @@ def test_a_model_with_priors() -> None:
 
 def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
     with pytest.raises(IdentificationError, match=r"no test is given to choose from\."):
-        td.next_test(fit, HTC)
+        td.design.next_test(fit, HTC)
     with pytest.raises(IdentificationError, match=r"a model alone has no uncertainties\. Give priors, or a fit\."):
-        td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
+        td.design.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
     with pytest.raises(IdentificationError, match=r"no sensor is given, so a test would give no information\."):
-        td.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
+        td.design.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
     with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not one of the free parameters\. Did you mean 'case\.mass'"):
-        td.next_test(fit, "case.mas", scenario=BENCH)
+        td.design.next_test(fit, "case.mas", scenario=BENCH)
 
 
 def test_a_test_of_ones_own(fit: td.Calibration) -> None:

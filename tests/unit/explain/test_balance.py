@@ -54,7 +54,7 @@ class TestBalance:
         assert not held.closes
         assert held.total == pytest.approx(4.0 * (1 - 3.5 / 5.0), abs=2 * held.error)
         assert "leaves by a path that the model lacks" in str(held)
-        over = td.energy_balance(box({"surfaces/skin/effective_htc": "8 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
+        over = td.explain.energy_balance(box({"surfaces/skin/effective_htc": "8 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
         assert "conductances of the model are too large" in str(over)
 
     def test_of_a_fit_and_of_a_node_that_was_not_measured(self) -> None:

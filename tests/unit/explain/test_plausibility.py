@@ -40,7 +40,7 @@ class TestCoefficients:
             ("20 [W/(m^2 K)]", "Too high for still air: the air moves,"),
             ("80 [W/(m^2 K)]", "Higher than with slow fans:"),
         ):
-            found = td.plausibility(fitted({HTC: value}, [HTC]))[HTC]
+            found = td.explain.plausibility(fitted({HTC: value}, [HTC]))[HTC]
             assert found.verdict == "not physical"
             assert words in str(found)
 
@@ -92,7 +92,7 @@ class TestMassesAndLosses:
         assert heavy[MASS].verdict == "not physical"
         assert "It needs 191" in str(heavy)
         assert "a mass that was not weighed follows it," in str(heavy)
-        light = td.plausibility(fit, weights={"case": "5 [kg]"})
+        light = td.explain.plausibility(fit, weights={"case": "5 [kg]"})
         assert "part of the mass follows more slowly, or the power" in str(light)
 
     def test_a_power_against_a_converter(self) -> None:
@@ -116,7 +116,7 @@ class TestMassesAndLosses:
         idle = box({**BARE, "loads/idle": {"into": "case", "power": "0 [W]"}})
         off = td.calibrate(idle, log(idle, {}, {"T": "case"}), [HTC])
         with pytest.raises(IdentificationError, match=r"'idle' has no power in this fit, so its loss cannot be judged\. Name"):
-            td.plausibility(off, delivered={"idle": "2 [W]"})
+            td.explain.plausibility(off, delivered={"idle": "2 [W]"})
 
     def test_what_has_no_range_is_said(self) -> None:
         found = td.explain.plausibility(fitted({}, [AREA]))
@@ -129,6 +129,6 @@ class TestMassesAndLosses:
 def test_what_is_asked_must_make_sense() -> None:
     fit = fitted({}, [HTC])
     with pytest.raises(NameNotFoundError, match=r"no load 'heater'\. Did you mean 'heat'"):
-        td.plausibility(fit, delivered={"heater": "2 [W]"})
+        td.explain.plausibility(fit, delivered={"heater": "2 [W]"})
     with pytest.raises(IdentificationError, match=r"this calibration has no records, because it was read from a file\."):
-        td.plausibility(replace(fit, experiments=()))
+        td.explain.plausibility(replace(fit, experiments=()))

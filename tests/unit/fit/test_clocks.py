@@ -82,7 +82,7 @@ def test_a_rate_can_be_held() -> None:
 
 def test_no_offset_is_refused() -> None:
     with pytest.raises(IdentificationError, match=r"the model fails at every offset in the given range\."):
-        td.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
+        td.inference.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
 
 
 def test_an_offset_at_the_end_of_its_range_says_so() -> None:
@@ -96,7 +96,7 @@ def test_logs_that_do_not_tell_an_offset_are_refused() -> None:
     first, second = logs(130.0, 1.0)
     flat = second.with_channels(replace(second["P"], values=np.full(FAST.size, 5.0)))
     with pytest.raises(IdentificationError, match="the logs do not determine the offset:"):
-        td.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
+        td.inference.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
 
 
 def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:

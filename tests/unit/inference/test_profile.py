@@ -104,13 +104,13 @@ class TestPictures:
 
     def test_of_something_else(self, tmp_path: Path) -> None:
         with pytest.raises(ThermidError, match=r"Pictures exist of Profile, Valley, Criticism, Hold, ProfileRun\."):
-            td.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
+            td.reporting.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
 
 
 def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tmp_path: Path) -> None:
     with pytest.raises(ThermidError, match=r"a level of 95 is not a probability\."):
-        td.profile(known, HTC, level=95)
+        td.inference.profile(known, HTC, level=95)
     with pytest.raises(ThermidError, match="was given twice"):
-        td.valley(known, HTC, HTC)
+        td.inference.valley(known, HTC, HTC)
     with pytest.raises(ThermidError, match=r"'x\.bmp': the name of a picture must end in \.png, \.svg, \.pdf\."):
-        td.picture(td.criticise(known), tmp_path / "x.bmp")
+        td.reporting.picture(td.explain.criticise(known), tmp_path / "x.bmp")

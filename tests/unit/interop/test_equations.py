@@ -106,12 +106,12 @@ def test_names_that_do_not_fit_are_refused(names: dict[str, str], message: str) 
 
 def test_a_law_that_is_not_linear_is_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"hot box: 'free' is not a linear, two-way law \(power\), so it has no symbolic equation\."):
-        td.equations(hot_box())
+        td.interop.equations(hot_box())
 
 
 def test_a_steady_state_that_nobody_reads_or_that_is_none_is_refused() -> None:
     with pytest.raises(td.ThermidError, match="m_Sd has 10 states; a symbolic steady state is limited to 6"):
-        _ = td.equations(td.load_model(DECKS / "m_Sd.toml")).steady
+        _ = td.interop.equations(td.load_model(DECKS / "m_Sd.toml")).steady
     alone = {"title": "pair", "nodes": {"a": {"capacitance": "1 [J/K]"}, "b": {"capacitance": "1 [J/K]"}}}
     alone["conductors"] = {"ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "1 [W/K]"}}
     with pytest.raises(td.ThermidError, match="there is no steady state: a part has no path to a boundary"):

@@ -55,8 +55,8 @@ def test_spice_reads_the_same_lines(tmp_path: Path) -> None:
 
 def test_what_is_not_written_is_refused() -> None:
     with pytest.raises(DeckError, match=r"'link' is a smooth table, which is not written to Octave\."):
-        td.to_octave(box(interpolation="smooth"), BENCH)
+        td.interop.to_octave(box(interpolation="smooth"), BENCH)
     with pytest.raises(DeckError, match="a table with outside = 'refuse' is not written to SPICE,"):
-        td.to_spice(box(outside="refuse"), BENCH)
+        td.interop.to_spice(box(outside="refuse"), BENCH)
     with pytest.raises(DeckError, match="not written to SPICE: potential"):
         td.interop.to_spice(box(BAR), BENCH)

@@ -77,7 +77,7 @@ def test_temperatures_are_not_added_to_by_their_units() -> None:
         "line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none, so its 297.15 is taken as a plain number. Add the "
         "unit to the comment",
     )
-    kelvin = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
+    kelvin = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
     assert kelvin.parameters["TK"].text == "297.15 [K]"
     assert kelvin.remarks == ()
 
@@ -88,7 +88,7 @@ def test_blocks_of_comments_and_printed_line_numbers_are_taken_off() -> None:
 
 
 def test_a_script_is_shown_with_its_remarks() -> None:
-    assert str(td.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
+    assert str(td.interop.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
         "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment, so its value is taken as a plain number. Add the unit"
     )
 
@@ -152,9 +152,9 @@ def test_a_block_is_made_of_the_values_by_their_units() -> None:
 
 def test_a_block_that_is_open_is_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"'m' and 'n' both have the unit \[kg\], so the block's mass is"):
-        td.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
+        td.interop.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
     with pytest.raises(td.ThermidError, match=r"no value of the script has the unit \[W\], so the block has no power\."):
-        td.read_initfcn(BLOCK.replace("[W]", "")).block("box")
+        td.interop.read_initfcn(BLOCK.replace("[W]", "")).block("box")
 
 
 def test_the_parameters_go_through_a_deck(tmp_path: Path) -> None:

@@ -148,5 +148,5 @@ def test_a_load_that_depends_on_temperature_is_refused() -> None:
 @pytest.mark.parametrize("name", ["2boxes", "end", "initial", "hot-box", "x" * 64])
 def test_a_file_that_is_no_function_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(td.ThermidError, match=r"is not a valid name of a function\."):
-        td.to_octave(hot_box(), SIGNALS, tmp_path / f"{name}.m")
+        td.interop.to_octave(hot_box(), SIGNALS, tmp_path / f"{name}.m")
     assert list(tmp_path.iterdir()) == []

@@ -151,4 +151,4 @@ def test_a_metric_that_is_none_is_refused(study: Path) -> None:
     text = (study / "study.toml").read_text(encoding="utf-8").replace('"p95"', '"p59"')
     (study / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"study\.toml:\d+, procedure\.metrics\.1: unknown metric 'p59'\. Did you mean 'p95'\?"):
-        td.load_study(study / "study.toml")
+        td.design.load_study(study / "study.toml")

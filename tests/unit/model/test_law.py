@@ -124,9 +124,9 @@ def test_what_is_no_law_is_refused_in_words(function: Any, between: Any, words: 
 
 def test_wrong_options_are_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"neither 'temperature' nor 'difference'.*Did you mean 'difference'"):
-        td.law(lambda t: t, over="diference", between=WARM)  # type: ignore[arg-type]
+        td.model.law(lambda t: t, over="diference", between=WARM)  # type: ignore[arg-type]
     with pytest.raises(td.ThermidError, match=r"a tolerance of 0 cannot be reached in double precision\."):
-        td.law(lambda t: t, between=WARM, tolerance=0.0)
+        td.model.law(lambda t: t, between=WARM, tolerance=0.0)
 
 
 def test_a_negative_conductance_is_refused_where_it_stands_and_a_negative_power_is_not() -> None:

@@ -140,4 +140,4 @@ def test_a_pressure_that_changes_is_refused() -> None:
     falling = {"times": ["0 [s]", "1 [h]"], "values": ["101325 [Pa]", "60000 [Pa]"]}
     duct = {"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"}
     with pytest.raises(td.ThermidError, match="changes, but the law of a"):
-        run(duct, environment={"*": td.Environment(pressure=falling)})
+        run(duct, environment={"*": td.network.Environment(pressure=falling)})

@@ -364,7 +364,7 @@ def test_a_volume_is_vented_to_one_that_has_a_pressure() -> None:
 
 def test_gas_laws_are_not_written_to_other_programs() -> None:
     with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which uses tables, which is not written to"):
-        td.to_octave(plates("1 [mm]"), BENCH)
+        td.interop.to_octave(plates("1 [mm]"), BENCH)
 
 
 def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:

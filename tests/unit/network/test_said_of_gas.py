@@ -98,7 +98,7 @@ def test_an_emissivity_or_zero_on_purpose_is_a_word() -> None:
 
 
 def test_gas_so_thin_that_radiation_decides_is_remarked() -> None:
-    thin = ROOM.with_(environment={"air": td.Environment("50 [Pa]")}, duration="10 [min]")
+    thin = ROOM.with_(environment={"air": td.network.Environment("50 [Pa]")}, duration="10 [min]")
     assert any("in gas as thin as this it is most of the heat" in w for w in td.simulate(plate(**HTC), thin).warnings)
     assert td.simulate(plate(**HTC, emissivity=0.3), thin).warnings == ()
     assert td.simulate(plate(**HTC), ROOM.with_(environment={"air": td.network.Environment("60 [kPa]")})).warnings == ()
@@ -331,7 +331,7 @@ def chain(**middle: Any) -> td.Model:
 
 def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
     """36.5 degC for 47.4 degC."""
-    found = td.reduce(chain(), ROOM, nodes=2)
+    found = td.qualify.reduce(chain(), ROOM, nodes=2)
     assert (
         found.remarks[0]
         == "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused"
@@ -341,7 +341,11 @@ def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
     assert again == found.model
     host = td.model_from_dict({"title": "host", "needs": ["room"], "submodels": {"p": {"use": again, "bind": {"air": "room"}}}})
     said = "'chain reduced to 2' was reduced with '"
-    others = {"pressure": td.Environment("60 [kPa]"), "gas": td.Environment(gas="He"), "gravity": td.Environment(gravity=0.0)}
+    others = {
+        "pressure": td.network.Environment("60 [kPa]"),
+        "gas": td.network.Environment(gas="He"),
+        "gravity": td.network.Environment(gravity=0.0),
+    }
     for scenario in (ROOM.vacuum(), PUMPED, *(ROOM.with_(environment={"air": e}) for e in others.values())):
         with refused(said.format("air")):
             td.simulate(again, scenario)
@@ -359,8 +363,8 @@ def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
 def test_reduce_made_phase_change_constant_without_a_remark() -> None:
     wax = [["0 [degC]", "0 [kJ/kg]"], ["27 [degC]", "54 [kJ/kg]"], ["29 [degC]", "244 [kJ/kg]"], ["80 [degC]", "346 [kJ/kg]"]]
     with pytest.raises(DeckError, match="'b' stores heat by a table of enthalpy with latent heat, which"):
-        td.reduce(chain(mass="10 [g]", enthalpy={"points": wax}), ROOM, nodes=2)
+        td.qualify.reduce(chain(mass="10 [g]", enthalpy={"points": wax}), ROOM, nodes=2)
     rising = {"points": [["0 [degC]", "800 [J/(kg K)]"], ["100 [degC]", "1200 [J/(kg K)]"]]}
-    found = td.reduce(chain(mass="10 [g]", specific_heat=rising), ROOM, nodes=3)
+    found = td.qualify.reduce(chain(mass="10 [g]", specific_heat=rising), ROOM, nodes=3)
     assert any(r.startswith("'b' has a constant 912.9 ") and "instead of its table, which ranges from" in r for r in found.remarks)
     assert abs(found.worst.largest) < 0.02

@@ -52,7 +52,7 @@ def test_errors_of_power_and_area_join_those_of_the_sensors() -> None:
 
 def test_above_the_laminar_range_it_warns_and_goes_on() -> None:
     with pytest.warns(td.ThermidWarning, match=r"Rayleigh number 1\.[0-9]+e\+09 is outside 0 to 1e\+09"):
-        found = td.compare_htc(100.0, 1.0, 320.0, 290.0, 0.8)
+        found = td.explain.compare_htc(100.0, 1.0, 320.0, 290.0, 0.8)
     assert [c.name for c in found.correlations] == [
         "vertical plate, laminar (Churchill and Chu; Eq. 7)",
         "vertical plate, laminar and turbulent (Churchill and Chu)",
@@ -75,10 +75,10 @@ def test_a_low_coefficient_is_not_explained_by_what_lies_inside() -> None:
 
 
 def test_a_high_coefficient_can_be_radiation_or_mounts() -> None:
-    (remark,) = td.compare_htc(8.0, 0.082241, 309.088, 297.15, 0.2).remarks
+    (remark,) = td.explain.compare_htc(8.0, 0.082241, 309.088, 297.15, 0.2).remarks
     assert "above convection alone. Possible causes: radiation (0.6 to 5.3 W/(m^2 K)" in remark
     assert "heat through mounts and leads" in remark
-    (told,) = td.compare_htc(20.0, 0.082241, 309.088, 297.15, 0.2, emissivity=0.85).remarks
+    (told,) = td.explain.compare_htc(20.0, 0.082241, 309.088, 297.15, 0.2, emissivity=0.85).remarks
     assert "above convection and radiation. Possible causes: heat through mounts and leads" in told
 
 

@@ -23,7 +23,7 @@ def test_a_power_that_is_logged_is_not_looked_for() -> None:
 def test_a_stretch_has_three_parts(known: Any) -> None:
     data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=21)
     with pytest.raises(IdentificationError, match="give 'known' as a list of"):
-        td.power_history(box(), data, "heat", known=known)
+        td.inference.power_history(box(), data, "heat", known=known)
 
 
 def rising(every: str = "") -> td.inference.PowerHistory:

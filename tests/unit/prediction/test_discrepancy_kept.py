@@ -70,9 +70,9 @@ def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
 
     measured(tmp_path, offset=1.5)
     text = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
-    (before,) = {m.not_counted[0] for m in td.run_plan(project(tmp_path, text)).margins if not m.given}
+    (before,) = {m.not_counted[0] for m in td.qualify.run_plan(project(tmp_path, text)).margins if not m.given}
     assert before.startswith("the model's own error, because no fit has")
-    found = td.run_plan(project(tmp_path, text + LOG))
+    found = td.qualify.run_plan(project(tmp_path, text + LOG))
     hot = next(m for m in found.margins if m.side == "hot")
     assert hot.shares == {IN_TESTS: pytest.approx(1.0)}
     assert found["hot"].correlation is not None
@@ -106,5 +106,5 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     # a file of before does not hold the fit's response
     old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "structural"})
     old.save(tmp_path / "fit.values.toml")
-    found = {why for m in td.run_plan(file).margins for why in m.not_counted if "constant" in why}
+    found = {why for m in td.qualify.run_plan(file).margins for why in m.not_counted if "constant" in why}
     assert found == {"the error of constant coefficients ('skin_proc'), because the values of 'unit' do not include it"}

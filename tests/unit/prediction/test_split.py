@@ -106,15 +106,15 @@ def test_surfaces_of_one_finish_are_alike_in_part() -> None:
 
 def test_nothing_is_split_without_knowing_the_surface_or_the_conditions() -> None:
     with pytest.raises(IdentificationError, match=r"the emissivity of 'skin' is not stated\."):
-        td.split(elegfo(""), conditions=BENCH)
+        td.explain.split(elegfo(""), conditions=BENCH)
     with pytest.raises(IdentificationError, match="the temperatures at which the coefficients were fitted"):
-        td.split(elegfo(MACHINED))
+        td.explain.split(elegfo(MACHINED))
     with pytest.raises(IdentificationError, match=r"'skn' is not a surface with an effective coefficient\."):
-        td.split(elegfo(MACHINED), "skn", BENCH)
+        td.explain.split(elegfo(MACHINED), "skn", BENCH)
     with pytest.raises(IdentificationError, match=r"never more than 0\.2 K from the gas temperature,"):
-        td.split(part("0.1 [m^2]", "5 [W/(m^2 K)]", "0.01 [W]"), conditions=BENCH)
+        td.explain.split(part("0.1 [m^2]", "5 [W/(m^2 K)]", "0.01 [W]"), conditions=BENCH)
     with pytest.raises(IdentificationError, match="no surface has an effective"):
-        td.split(part("0.1 [m^2]", {"htc": "5 [W/(m^2 K)]"}, "1 [W]"), conditions=BENCH)
+        td.explain.split(part("0.1 [m^2]", {"htc": "5 [W/(m^2 K)]"}, "1 [W]"), conditions=BENCH)
 
 
 def test_a_callers_prior_stands_in_place_of_the_finish() -> None:
@@ -122,7 +122,7 @@ def test_a_callers_prior_stands_in_place_of_the_finish() -> None:
     assert found.emissivity == pytest.approx(0.06, rel=0.01)
     assert found.emissivity_error == pytest.approx(0.003, rel=0.05)
     with pytest.raises(IdentificationError, match=r"1\.2 \+- 0\.1 is not a valid prior\. Give"):
-        td.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (1.2, 0.1)})
+        td.explain.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (1.2, 0.1)})
 
 
 HIDDEN = part("0.03 [m^2]", {"htc": {"coefficient": "2.4 [W/(m^2 K)]", "exponent": 0.25}, "emissivity": 0.86}, "2.5 [W]", "")
@@ -177,7 +177,7 @@ def test_a_second_record_without_gas_overrides_the_finish() -> None:
     constant = part("0.03 [m^2]", "8 [W/(m^2 K)]", "2.5 [W]", "paint, any non-metallic")
     fit = td.calibrate(constant, records, ["skin.effective_htc", "case.capacitance", "skin.emissivity"], scenario=scenarios)
     assert "are autocorrelated: the model" in " ".join(fit.warnings)
-    found = td.split(fit)
+    found = td.explain.split(fit)
     assert found["skin"].prior == "fitted"
     assert found["skin"].emissivity == fit["skin.emissivity"].value == pytest.approx(0.86, rel=0.01)
     assert found.values.covariance == pytest.approx(fit.values.bare().covariance)

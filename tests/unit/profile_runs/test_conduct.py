@@ -139,7 +139,7 @@ def test_a_memory_of_a_thermostat_is_kept():
 def test_a_profile_that_never_stabilises_says_which_node_and_why():
     swinging = {"chips": {"into": "core", "power": "40 [W]", "periodic": {"period": "20 [min]", "duty": 0.5}}}
     with pytest.raises(SolverError, match=r"'3 C/h' after 5 h: 'core' still changes.*follows a clock"):
-        td.run_profile(box(loads=swinging), cycle(longest_wait="5 [h]"))
+        td.qualify.run_profile(box(loads=swinging), cycle(longest_wait="5 [h]"))
     with pytest.raises(
         SolverError, match=r"after 30 min: \'core\' still changes by \+.* K/h, on its way to .* about .* more would be needed"
     ):
@@ -161,8 +161,8 @@ def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
     """The mean over whole swings drifts by less than the rule when a dwell begins; momentary temperatures never are stable."""
     model = box(loads=loads)
     with pytest.raises(SolverError, match=r", so its temperature oscillates without end\. Apply the rule to means over whole"):
-        td.run_profile(model, cycle(longest_wait="5 [h]"))
-    run = td.run_profile(model, cycle(average=average, stable="3 C/h over 20 min"), every=20.0)
+        td.qualify.run_profile(model, cycle(longest_wait="5 [h]"))
+    run = td.qualify.run_profile(model, cycle(average=average, stable="3 C/h over 20 min"), every=20.0)
     assert run.solution.heat_balance().relative < 1e-7
     span = 60.0 * float(average.split()[0])
     swings = []
@@ -179,15 +179,15 @@ def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
 
 def test_a_mean_that_does_not_settle_and_a_rule_that_is_not_asked_of_means():
     with pytest.raises(SolverError, match=r"in its mean over 20 min\. Allow a longer wait"):
-        td.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", longest_wait="45 [min]"))
+        td.qualify.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", longest_wait="45 [min]"))
     with pytest.raises(ScenarioError, match=r"'stored 5 %' does not apply to averages\."):
-        td.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", stable="stored 5 %"))
+        td.qualify.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", stable="stored 5 %"))
 
 
 def test_a_level_out_of_reach_is_refused():
     strong = {"heater": {"into": "plate", "power": "5000 [W]"}}
     with pytest.raises(ScenarioError, match="no chamber temperature brings"):
-        td.run_profile(box(loads=strong), cycle(), base="plate")
+        td.qualify.run_profile(box(loads=strong), cycle(), base="plate")
 
 
 def test_humidity_is_followed_and_condensation_named():
@@ -236,7 +236,7 @@ def test_several_boundaries_need_a_chamber():
     two = {"needs": ["air", "wall"], "conductors": {"foot": {"kind": "conduction", "between": ["plate", "core"], "conductance": "1 [W/K]"}}}
     two["conductors"]["strap"] = {"kind": "conduction", "between": ["core", "wall"], "conductance": "0.1 [W/K]"}
     with pytest.raises(ScenarioError, match="name the boundaries that are the chamber:"):
-        td.run_profile(box(**two), cycle())
+        td.qualify.run_profile(box(**two), cycle())
     with pytest.raises(ScenarioError, match="'wall' is not the chamber"):
         td.qualify.run_profile(box(**two), cycle(), chamber="air")
     run = td.qualify.run_profile(box(**two), cycle(), chamber="air", scenario=td.Scenario("x", boundaries={"wall": "20 [degC]"}))

@@ -106,10 +106,13 @@ def test_written_steps_are_saved_and_read(tmp_path):
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda: td.profile_of("DO-160G"), "For another standard write a profile file, each"),
-        (lambda: td.profile_of("SMS-S-016"), "Did you mean 'smc-s-016'"),
-        (lambda: td.profile_of("SMC-S-016", "unit thermal cycles"), "Did you mean 'unit thermal cycle'"),
-        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", level="flight"), "it has qualification, protoqualification, acceptance"),
+        (lambda: td.qualify.profile_of("DO-160G"), "For another standard write a profile file, each"),
+        (lambda: td.qualify.profile_of("SMS-S-016"), "Did you mean 'smc-s-016'"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycles"), "Did you mean 'unit thermal cycle'"),
+        (
+            lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="flight"),
+            "it has qualification, protoqualification, acceptance",
+        ),
         (lambda: unit_cycle(dwel="1 [h]"), "Did you mean 'dwell'"),
         (lambda: unit_cycle(dwell="1 [K]"), "a temperature difference"),
         (lambda: unit_cycle(dwell="-1 [h]"), "below zero"),
@@ -117,8 +120,11 @@ def test_written_steps_are_saved_and_read(tmp_path):
         (lambda: unit_cycle(starts="often"), "each, first and last, never"),
         (lambda: unit_cycle(cycles=2.5).steps, "the number of cycles must be whole, at"),
         (lambda: unit_cycle(hot="-40 [degC]").check(), "is not below its hot level,"),
-        (lambda: td.profile_of("SMC-S-016", "vehicle thermal vacuum").steps, "its hot level is not known"),
-        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")), "is not below the highest"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "vehicle thermal vacuum").steps, "its hot level is not known"),
+        (
+            lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")),
+            "is not below the highest",
+        ),
         (lambda: unit_cycle(dwell={"value": "1 [h]", "mark": "heard"}), "'heard' is not a mark; use one of"),
         (lambda: unit_cycle().with_(steps=[{"nam": "x"}]).steps, "Did you mean 'name'"),
         (lambda: unit_cycle().with_(steps=[{"power": "half"}]).steps, "power: input should be 'on' or 'off'"),
@@ -136,10 +142,10 @@ def test_a_file_with_a_wrong_key_or_nothing_in_it(tmp_path):
         td.qualify.load_profile(file)
     file.write_text('[profile]\nlike = "XYZ unit"\n', encoding="utf-8")
     with pytest.raises(ScenarioError, match="does not begin with a known"):
-        td.load_profile(file)
+        td.qualify.load_profile(file)
     file.write_text("", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"the table \[profile\] is missing\."):
-        td.load_profile(file)
+        td.qualify.load_profile(file)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +163,7 @@ def test_cycles_over_the_range_of_the_standard_are_its_own():
 
 def test_cycles_with_levels_in_the_wrong_order_or_of_no_level():
     with pytest.raises(ScenarioError, match="is not below the hot one,"):
-        td.equivalent_cycles("50 [degC]", "-30 [degC]")
+        td.qualify.equivalent_cycles("50 [degC]", "-30 [degC]")
     with pytest.raises(ScenarioError, match="Did you mean 'acceptance'"):
         td.qualify.equivalent_cycles("-30 [degC]", "50 [degC]", "aceptance")
 

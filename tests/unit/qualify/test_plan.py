@@ -267,7 +267,7 @@ def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> No
     file = project(tmp_path, text)
     (tmp_path / "limits.toml").write_text('[processor]\nnode = "proc"\noperating = ["-20 [degC]"]\n', encoding="utf-8")
     with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits, limits.toml:3, processor.operating: a limit is a pair"):
-        td.load_plan(file)
+        td.qualify.load_plan(file)
     (tmp_path / "limits.toml").unlink()
     with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits"):
         td.qualify.load_plan(file)
@@ -294,7 +294,7 @@ def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:
 
 
 def test_what_margins_leave_out_is_said_once_below(tmp_path: Path) -> None:
-    text = str(td.run_plan(project(tmp_path)))
+    text = str(td.qualify.run_plan(project(tmp_path)))
     said = [line for line in text.splitlines() if "not included in" in line]
     assert len([line for line in said if "the model's own error, because no fit has" in line]) == 1
     assert not [line for line in text.splitlines() if line.startswith("  margin: ") and "not counted" in line]

@@ -127,7 +127,7 @@ def test_laws_between_nodes_that_stay_are_kept() -> None:
     assert found.remarks == (
         "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused",
     )
-    forms = {r.form for r in td.compile_network(found.model).numbers().conductors}
+    forms = {r.form for r in td.network.compile_network(found.model).numbers().conductors}
     assert forms == {"linear", "radiation", "power"}
 
 
@@ -179,7 +179,7 @@ def test_a_thermostat_is_kept_outside() -> None:
         }
     )
     with pytest.raises(DeckError, match=r"'h' is not a constant power \(thermostat\.off_above, thermostat\.on_below\)\."):
-        td.reduce(heated, WARM, nodes=1)
+        td.qualify.reduce(heated, WARM, nodes=1)
 
 
 def test_a_part_that_changes_in_time_is_refused(macro: td.Model) -> None:
@@ -227,10 +227,10 @@ def test_a_changed_file_and_a_missed_temperature_are_found(project: Path) -> Non
     record["files"] = {}
     checks.write_text(json.dumps(record), "utf-8")
     with pytest.raises(DeckError, match=r"'.*' is 0\.\d+ K from its expected value in warm\.toml"):
-        td.check_delivery(project / "out")
+        td.qualify.check_delivery(project / "out")
     checks.unlink()
     with pytest.raises(DeckError, match="'out' is not a delivery: it has"):
-        td.check_delivery(project / "out")
+        td.qualify.check_delivery(project / "out")
 
 
 def test_mistakes_of_a_delivery(project: Path) -> None:

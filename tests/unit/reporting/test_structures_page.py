@@ -19,7 +19,7 @@ CURVE = td.reporting.Structure(
 LIKELY = td.reporting.Structure(
     "likely", "two of all", 9, 800.0, 0.0, 0.0, {"T": 0.2}, {"T": {"a": 0.6, "b": 0.7}}, doubts=("tau = 57 s, outside 5 .. 40",)
 )
-REFUSED = td.Structure("walls", "and walls", 9, refused="'wall' and 'room' apart. cannot be separated by")
+REFUSED = td.reporting.Structure("walls", "and walls", 9, refused="'wall' and 'room' apart. cannot be separated by")
 ALL = (PLAIN, LAG, CURVE, LIKELY, REFUSED)
 
 
@@ -46,9 +46,9 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
 
 
 def test_the_author_may_take_another_and_none_may_do(tmp_path: Path) -> None:
-    assert "Taken: plain" in text(td.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
-    assert "None is acceptable" in text(td.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
+    assert "Taken: plain" in text(td.reporting.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
+    assert "None is acceptable" in text(td.reporting.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
     with pytest.raises(ValueError, match=r"unknown structure 'boardd'\. Known: plain, lag"):
-        td.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
+        td.reporting.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
     with pytest.raises(ValueError, match="no structures are given to"):
-        td.structures_report("Box", (), to=tmp_path / "d.html")
+        td.reporting.structures_report("Box", (), to=tmp_path / "d.html")

@@ -59,14 +59,14 @@ def test_sensitivities_are_slopes(simulator: td.simulation.Simulator, node: str,
     assert found == pytest.approx((high - low) / (2 * step), rel=2e-4, abs=2e-4)
 
 
-def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.Simulator) -> None:
+def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.simulation.Simulator) -> None:
     with pytest.raises(NameNotFoundError, match=r"computed\. Run with run\(sensitivities=True\)"):
         simulator.run().sensitivity("hot", "skin.htc")
     with pytest.raises(NameNotFoundError, match=r"no sensitivity to 'gap\.conductance': it has those to left\.conductance"):
         simulator.run(sensitivities=True).sensitivity("hot", "gap.conductance")
 
 
-def test_only_free_names_take_values(simulator: td.Simulator) -> None:
+def test_only_free_names_take_values(simulator: td.simulation.Simulator) -> None:
     with pytest.raises(NameNotFoundError, match=r"'right\.conductance' is not free in this simulator\. Name it in free="):
         simulator.run({"right.conductance": 1.0})
     with pytest.raises(NameNotFoundError, match=r"Did you mean 'skin\.htc'"):

@@ -136,9 +136,9 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="a speed of -5 m/s"):
         td.site.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
     with pytest.raises(ScenarioError, match="give a trajectory, or the pressure"):
-        td.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
+        td.site.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
     with pytest.raises(ScenarioError, match=r"the duration is missing\."):
-        td.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
+        td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 
 @pytest.mark.parametrize("name", ["prometheus_telemega.csv.gz", "prometheus_telemetrum.csv.gz"])

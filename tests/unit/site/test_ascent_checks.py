@@ -63,7 +63,7 @@ def test_a_vented_bay_is_checked_by_its_own_pressure() -> None:
 
 def test_no_ascent_is_said() -> None:
     with pytest.raises(ScenarioError, match="the pressure of 'ambient' is constant, so"):
-        td.ascent_checks(td.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]", duration="9 [s]"))
+        td.site.ascent_checks(td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]", duration="9 [s]"))
     with pytest.raises(ScenarioError, match="no gas 'bay'; there are ambient"):
         td.site.ascent_checks(curve((0, 101), (50, 1)), "bay")
 

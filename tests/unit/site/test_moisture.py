@@ -80,13 +80,13 @@ def test_another_gas_than_air_is_refused() -> None:
     skin = {"of": "case", "to": "air", "area": "0.08 [m^2]", "htc": {"length": "0.2 [m]"}}
     box = td.model_from_dict({"title": "b", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}})
     with pytest.raises(td.ThermidError, match=r"'air' is He, but the diffusion of vapour is known in air only\. Leave"):
-        td.moisture(box, helium, {"air": 0.6})
+        td.site.moisture(box, helium, {"air": 0.6})
 
 
 def test_vapour_that_is_not_dilute_is_said() -> None:
     """At 15 kPa a sixth of the gas is vapour: the analogy leaves the stream out that it makes."""
-    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.Environment(pressure="15 [kPa]")})
-    found = td.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.network.Environment(pressure="15 [kPa]")})
+    found = td.site.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
     assert ", but mass transfer is computed for dilute vapour. Real" in str(found).splitlines()[1]
 
 

@@ -58,9 +58,9 @@ def test_two_volumes_that_exchange_keep_their_water(written: str) -> None:
 
 
 def test_one_exchange_with_two_sizes_is_refused() -> None:
-    volumes = {"a": td.Volume("2 [l]", exchange="0.1 [l/s]", to="b"), "b": td.Volume("2 [l]", exchange="0.2 [l/s]", to="a")}
+    volumes = {"a": td.site.Volume("2 [l]", exchange="0.1 [l/s]", to="b"), "b": td.site.Volume("2 [l]", exchange="0.2 [l/s]", to="a")}
     with pytest.raises(td.ThermidError, match=r"Both must be equal\. Give it once, or the same at both\."):
-        td.moisture(PAIR, WARM, {}, volumes)
+        td.site.moisture(PAIR, WARM, {}, volumes)
 
 
 def test_a_volume_that_exchanges_with_itself_is_refused() -> None:

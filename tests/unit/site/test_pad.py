@@ -113,19 +113,19 @@ def test_a_boundary_may_be_the_sky(weather: td.site.Weather) -> None:
     assert np.abs(apart["skin"].kelvin - joined["skin"].kelvin).max() < 0.02
 
 
-def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.Weather, tmp_path: Path) -> None:
+def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.site.Weather, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"when the sun stands \d+ degrees below the horizon\. Check the time zone"):
-        td.pad_scenario(td.Site(-2.373, -44.396, timezone=9.0), weather)
+        td.site.pad_scenario(td.site.Site(-2.373, -44.396, timezone=9.0), weather)
     path = tmp_path / "early.csv"
     path.write_text("time,dry_bulb,humidity,global\n2026-03-21 06:00,25,80,0\n2026-03-21 09:00,28,70,400\n2026-03-21 12:00,30,65,900\n")
     with pytest.raises(ScenarioError, match=r"global is 400 W/m.2 3 h after .*, when the sun stands 1 degrees below the horizon"):
         td.site.pad_scenario(td.site.Site(-2.373, -44.396, timezone=0.0), td.site.read_weather(path))
 
 
-def test_a_zone_is_never_guessed(weather: td.Weather) -> None:
-    nowhere = td.Site(-2.373, -44.396)
+def test_a_zone_is_never_guessed(weather: td.site.Weather) -> None:
+    nowhere = td.site.Site(-2.373, -44.396)
     with pytest.raises(ScenarioError, match=r"the time zone is missing\."):
-        td.pad_scenario(nowhere, weather)
+        td.site.pad_scenario(nowhere, weather)
     same = nowhere.sun("2026-03-21 12:00-03:00", 0.0)
     assert same.zenith[0] == pytest.approx(SITE.sun("2026-03-21 12:00", 0.0).zenith[0], abs=1e-3)
 
@@ -162,7 +162,7 @@ def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_name
     # forced and natural together at 6 m/s
     forced = float(wind_htc(6.0, 2.0, 304.15, SITE.pressure))
     assert 0.97 * forced < htc < 1.3 * forced
-    scheduled = td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}})
+    scheduled = td.site.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}})
     assert not any("has no effect on" in w for w in td.simulate(skin(), scheduled).warnings)
 
 
@@ -254,20 +254,20 @@ def test_a_surface_outdoors_says_what_it_needs(weather: td.site.Weather, surface
         td.simulate(skin(**surface), td.site.pad_scenario(SITE, weather))
 
 
-def test_what_the_pad_needs_is_asked_for(weather: td.Weather) -> None:
-    bare = td.Weather("w", weather.begin, {"dry_bulb": weather["dry_bulb"]}, {})
+def test_what_the_pad_needs_is_asked_for(weather: td.site.Weather) -> None:
+    bare = td.site.Weather("w", weather.begin, {"dry_bulb": weather["dry_bulb"]}, {})
     with pytest.raises(ScenarioError, match="the sky temperature needs infrared, dew_point"):
-        td.pad_scenario(SITE, bare)
+        td.site.pad_scenario(SITE, bare)
     with pytest.raises(ScenarioError, match="no global radiation"):
-        td.pad_scenario(SITE, bare, sky=False)
+        td.site.pad_scenario(SITE, bare, sky=False)
     with pytest.raises(ScenarioError, match="the temperature of the air '"):
-        td.pad_scenario(SITE, begin="2026-03-21 06:00", duration="1 [h]")
+        td.site.pad_scenario(SITE, begin="2026-03-21 06:00", duration="1 [h]")
     with pytest.raises(ScenarioError, match=r"'noon' is not a date and time\."):
-        td.pad_scenario(SITE, begin="noon", duration="1 [h]", air_temperature="20 [degC]", sky=False)
+        td.site.pad_scenario(SITE, begin="noon", duration="1 [h]", air_temperature="20 [degC]", sky=False)
     with pytest.raises(ScenarioError, match="length and calm"):
-        td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]"}})
+        td.site.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]"}})
     with pytest.raises(ScenarioError, match="the albedo is 20"):
-        td.pad_scenario(SITE, weather, albedo=20)
+        td.site.pad_scenario(SITE, weather, albedo=20)
     with pytest.raises(RecordError, match="it covers"):
         td.site.pad_scenario(SITE, weather, begin="2027-01-01 00:00")
     lonely = td.site.pad_scenario(SITE, weather, air="room")

@@ -66,7 +66,7 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
         pytest.importorskip("pvlib")
     path = write(tmp_path / name, missing=(10, 11, 12))
     with pytest.raises(RecordError, match=r"dry_bulb has a gap of 4 h from \.\*: give max_gap"):
-        td.read_weather(path)
+        td.site.read_weather(path)
     with pytest.raises(RecordError, match="it is longer than max_gap"):
         td.site.read_weather(path, max_gap="3 [h]")
     filled = td.site.read_weather(path, max_gap="4 [h]")
@@ -80,7 +80,7 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
 def test_a_line_that_is_left_out_is_a_hole(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
     with pytest.raises(RecordError, match="dry_bulb has a gap of 3 h from 2026-01-01"):
-        td.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
+        td.site.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
 
 
 def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
 
 def test_humidity_above_100_is_refused_with_its_time(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"humidity is 104 % at 2026-03-21 20:00, outside 0 \.\."):
-        td.read_weather(table(tmp_path / "t.csv", humidity=104.0))
+        td.site.read_weather(table(tmp_path / "t.csv", humidity=104.0))
 
 
 def test_a_table_by_its_own_names_and_units(tmp_path: Path) -> None:
@@ -151,9 +151,9 @@ def test_a_missing_file_and_a_wrong_name_are_said(tmp_path: Path) -> None:
     with pytest.raises(NameNotFoundError, match=r"no quantity 'dry_blub'\. Did you mean 'dry_bulb'"):
         td.site.read_weather(path, {"dry_blub": "dry_bulb"})
     with pytest.raises(NameNotFoundError, match="no column 'T'"):
-        td.read_weather(path, {"dry_bulb": "T"})
+        td.site.read_weather(path, {"dry_bulb": "T"})
     with pytest.raises(NameNotFoundError, match=r"no 'winds'\."):
-        td.read_weather(path)["winds"]
+        td.site.read_weather(path)["winds"]
 
 
 def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
@@ -161,4 +161,4 @@ def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "w.epw"
     path.write_text("LOCATION,nowhere\n", encoding="ascii")
     with pytest.raises(RecordError, match="this is not a readable"):
-        td.read_weather(path)
+        td.site.read_weather(path)

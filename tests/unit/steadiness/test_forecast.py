@@ -100,7 +100,7 @@ def test_a_model_gives_the_time_constants():
     assert led.final.error < 0.5 * alone.final.error
     assert led.final.low <= truth <= led.final.high
     with pytest.raises(ScenarioError, match="the time constants of a model"):
-        td.forecast(record, model=box())
+        td.bench.forecast(record, model=box())
 
 
 def test_when_a_rule_will_hold_and_what_that_saves():
@@ -110,14 +110,14 @@ def test_when_a_rule_will_hold_and_what_that_saves():
     assert found.saved == pytest.approx(found.holds - found.now)
     assert found.holds_late >= found.holds
     assert "stopping now saves" in str(found)
-    assert ": met now" in str(td.forecast(log(6.0)))
+    assert ": met now" in str(td.bench.forecast(log(6.0)))
 
 
 def test_words_and_objects():
-    text = str(td.forecast(log(8.0)))
+    text = str(td.bench.forecast(log(8.0)))
     assert "5 of 100 such forecasts are wrong" in text
     assert "cannot be detected; it would" in text
-    assert td.forecast(log(1.5)).as_object()["final_C"] is None
+    assert td.bench.forecast(log(1.5)).as_object()["final_C"] is None
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ def test_mistakes_are_named(arguments, words):
 
 def test_a_reading_in_the_past_and_a_record_of_several():
     with pytest.raises(RecordError, match="before the last reading"):
-        td.forecast(log(2.0)).reading("1 [h]")
+        td.bench.forecast(log(2.0)).reading("1 [h]")
     with pytest.raises(RecordError, match="name the channel: T, AIR"):
-        td.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
+        td.bench.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
 
 
 def steps(every: int = 1) -> list[Path]:

@@ -47,7 +47,7 @@ def test_a_rule_from_memory_decides_nothing_and_says_so():
     assert found.stable
     assert not found.decides
     assert "of this rule is quoted from" in str(found)
-    assert td.stability(log(6.0), "3 C/h").decides
+    assert td.bench.stability(log(6.0), "3 C/h").decides
 
 
 def box():
@@ -82,9 +82,9 @@ def test_of_a_profile_run_at_the_beginning_of_a_dwell():
     profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=("-5 [degC]", "45 [degC]"), cycles=1)
     run = td.qualify.run_profile(box(), profile)
     (wait,) = [p for p in run if p.kind == "wait" and p.name == "to cold"]
-    assert td.stability(run, "3 C/h", at=wait.end).channels["core"].rate == pytest.approx(wait.rate, rel=0.03)
+    assert td.bench.stability(run, "3 C/h", at=wait.end).channels["core"].rate == pytest.approx(wait.rate, rel=0.03)
     with pytest.raises(RecordError, match="s, but the run does not include"):
-        td.stability(run, "0.2 C/h over 5 h", at=3600.0)
+        td.bench.stability(run, "0.2 C/h over 5 h", at=3600.0)
 
 
 COURSE = td.Scenario("s", boundaries={"air": "20 [degC]"}, duration="5 [h]")
@@ -130,4 +130,4 @@ def test_a_rule_on_stored_heat_is_refused_with_the_reason():
         td.bench.stability(warming(nodes=("core",))[1], "stored 3 %", run=run)
     off = td.simulate(box(), COURSE.with_(loads={"chips": "0 [W]"}), every=60.0)
     with pytest.raises(RecordError, match="the unit has no power, so"):
-        td.stability(record, "stored 3 %", run=off)
+        td.bench.stability(record, "stored 3 %", run=off)
