@@ -209,7 +209,7 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model for Octave, C, Modelica, FMI, SPICE, SINDA, ESATAN.
+    """Write a model as C, Modelica, FMI, Octave, SPICE, SINDA, ESATAN.
 
     The scenario is written with it. What the format cannot say is refused.
     """
