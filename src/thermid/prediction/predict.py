@@ -148,7 +148,7 @@ def _shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(Result):
     """What a fitted model says of a scenario, and with what uncertainty.
 
     Parameters
