@@ -1,7 +1,7 @@
 """What a law of the user costs beside the built-in one: ``python benchmarks/laws.py [--rounds 100] [--members 400]``.
 
 The unit of B2 in the noisy room, once with the built-in natural convection of its twelve surfaces and the exponential power of its Ele,
-once with both as Python functions, tabulated by `td.law`. A run with outputs every second, one with twenty sensitivities every minute
+once with both as Python functions, tabulated by `td.model.law`. A run with outputs every second, one with twenty sensitivities every minute
 and an ensemble take turns, and the least processor time of each counts. ``apart`` is the largest difference of the results: they take
 other steps, each within its tolerance.
 """
@@ -36,8 +36,8 @@ def power(temperature: Array) -> Array:
 
 def model(own: bool) -> td.Model:
     """Return the unit with built-in laws, or with functions in their places."""
-    film = td.law(convection, over="difference", between=("-40 [K]", "80 [K]"))
-    grown = td.law(power, between=("0 [degC]", "120 [degC]"))
+    film = td.model.law(convection, over="difference", between=("-40 [K]", "80 [K]"))
+    grown = td.model.law(power, between=("0 [degC]", "120 [degC]"))
     conductors: dict[str, Any] = {}
     for k, node in enumerate(network.NODES):
         ends, size = [node, "air"], network.NATURAL[k] * network.AREA[k]

@@ -228,7 +228,7 @@ def lhs1(data: Path) -> RealSet:
         channel = td.Channel.of("T", kelvin, role="node", target="box", noise=0.1)
         record = td.Record.from_arrays(name, rows["t_s"] - rows["t_s"][0], {"T": channel}, synthetic=False)
         pressure = float(np.median(rows["P_hPa"]) * 100.0)
-        environment = {"*": td.Environment(f"{pressure} [Pa]")} if where != "air" else {}
+        environment = {"*": td.network.Environment(f"{pressure} [Pa]")} if where != "air" else {}
         return record, td.Scenario(name, boundaries={"room": f"{kelvin.min()} [K]"}, environment=environment)
 
     skin = {"of": "box", "to": "room", "area": f"{AREA} [m^2]", "effective_htc": {"value": "8 [W/(m^2 K)]", "min": 0.5, "max": 50}}

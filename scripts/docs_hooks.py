@@ -107,7 +107,7 @@ def rooms() -> dict[str, list[str]]:
 
 def reference(room: str) -> str:
     """Return the page of a room: every public name of it."""
-    names = "\n\n".join(f"::: thermid.{name}" for name in rooms()[room])
+    names = "\n\n".join(f"::: thermid.{name if name in td._TOP else f'{td._PUBLIC[name]}.{name}'}" for name in rooms()[room])
     return f"# {room.replace('_', ' ').title()}\n\n{ROOMS[room]} `import thermid as td`, then `td.<name>`.\n\n{names}\n"
 
 
@@ -166,7 +166,7 @@ DECISIONS = {
     "interop": "23 194",
     "estimation and watch": "180 181 182 183 184",
     "start": "188",
-    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 215 220 221 222 230",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 215 216 217 220 221 222 230",
 }
 """Rooms -> numbers of the decisions about them; what stands nowhere is about the project as a whole."""
 

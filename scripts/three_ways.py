@@ -100,7 +100,7 @@ def ways(make: Callable[[], CampaignSource], plan: Mapping[str, tuple[str, Any]]
         out.append(Way(name, free, spent, judged(source, made.__getitem__, plan), ", ".join(g.verdict for g in moves.groups[-1:])))
         if name == "constants upward":
             begun = time.process_time()
-            joint = td.joint(made)
+            joint = td.inference.joint(made)
             out.append(_way("... and a joint fit", joint, spent + time.process_time() - begun, source, plan))
     source = make()
     begun = time.process_time()

@@ -5,7 +5,7 @@ from pathlib import Path
 import thermid as td
 
 stack = td.load_model(Path(__file__).parent / "m_PrE.toml")
-for line in td.ledger(stack):
+for line in td.model.ledger(stack):
     parts = f"exposed {line.exposed * 1e4:.1f} + contact {line.contact * 1e4:.1f} + gap {line.gap * 1e4:.1f}"
     print(f"{line.surface}: total {line.total * 1e4:.1f} cm^2 = {parts}")
 bench = td.Scenario("bench", boundaries={"cv": "24 [degC]"}, duration="5 [h]")

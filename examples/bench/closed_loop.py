@@ -35,7 +35,7 @@ BOTH = f"{np.hypot(NOISE, 0.0625 / 12**0.5):.3f} [K]"
 
 def planted(seed: int = 1) -> World:
     """What the sensors feel: the model with the planted values, stepped exactly, in a room that breathes by a kelvin."""
-    space = td.state_space(td.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
+    space = td.network.state_space(td.network.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
     rng = np.random.default_rng(seed)
     size = len(space.nodes)
     # one step with held inputs: the exponential of the matrix and its inputs together

@@ -32,7 +32,7 @@ class Hardware:
     """The model with the planted values, and what it has lived through: times of the bench [s], temperatures [degC]."""
 
     def __init__(self) -> None:
-        space = td.state_space(td.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
+        space = td.network.state_space(td.network.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
         self.nodes, self._matrix = list(space.nodes), space.A
         self._inputs = np.column_stack([space.B_boundary[:, 0], space.B_load[:, 0]])
         self._state = np.full(len(self.nodes), 21.0)
@@ -74,14 +74,14 @@ def make_logs(folder: Path, seed: int = 3) -> tuple[Path, Path]:
     return text, table
 
 
-def one_record(text: Path, table: Path) -> td.Alignment:
+def one_record(text: Path, table: Path) -> td.inference.Alignment:
     """Read both and align them."""
     sensors = {name: {"node": name, "accuracy": "1.5 [K]", "resolution": f"{COUNT:.4g} [K]"} for name in ("plate", "cover")}
     unit = td.read_record(table, sensors)
     bench = td.read_record(text, {"room": {"boundary": "room"}, "heater1": {"command": "heater"}})
     model = td.load_model(HERE / "plate.toml").with_values(PLANTED)
     rest = td.Scenario("at rest until the heater is on", start="steady")
-    return td.align(model, unit, bench, offset=(-900.0, 0.0), rate=(0.995, 1.005), scenario=rest)
+    return td.inference.align(model, unit, bench, offset=(-900.0, 0.0), rate=(0.995, 1.005), scenario=rest)
 
 
 def main() -> None:

@@ -61,9 +61,9 @@ def predicted(data: Path, run: str, fit: td.Calibration) -> td.Verdict:
     return td.validate(fit, joined(data, run), td.Criteria(rmse="10 [K]"), scenario=START)
 
 
-def aligned(data: Path, run: str, fit: td.Calibration) -> td.Alignment:
+def aligned(data: Path, run: str, fit: td.Calibration) -> td.inference.Alignment:
     """Return where `align` puts the clock of a run at the values of a fit."""
-    return td.align(fit.fitted_model, *logs(data, run), offset=OFFSET, rate=RATE, scenario=START)
+    return td.inference.align(fit.fitted_model, *logs(data, run), offset=OFFSET, rate=RATE, scenario=START)
 
 
 if __name__ == "__main__":

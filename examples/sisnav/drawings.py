@@ -84,7 +84,7 @@ def fig_21() -> tuple[Figures, float]:
     scenario = BENCH.with_(boundaries={"cv": room}, loads={"ele.electronics": step})
     times = np.linspace(0.0, BENCH.seconds, 301)
     ours = td.simulate(model, scenario, times=times)
-    derived = td.equations(model, NAMES)
+    derived = td.interop.equations(model, NAMES)
     space: dict[str, object] = {}
     exec(derived.python("derivatives"), space)  # the text that the program wrote from the network
     given = {

@@ -49,7 +49,7 @@ def _constant(work: Work, stage: str, surface: str) -> Cell:
     fitted = work.constant[stage].values.assignments.get(path)
     if fitted:
         return Cell(f"{fitted.value:.2f} ± {fitted.error:.2f}", "fitted")
-    held = float(td.compile_network(work.constant[stage].fitted_model).numbers().values[path])
+    held = float(td.network.compile_network(work.constant[stage].fitted_model).numbers().values[path])
     return Cell(f"{held:.2f}", "held", "soft")
 
 
@@ -155,9 +155,9 @@ def settling(work: Work) -> Table:
     return Table.of(columns, rows, "Implied: the time constant whose 99 % is the time that the document prints.")
 
 
-def htc() -> td.HtcComparison:
+def htc() -> td.explain.HtcComparison:
     """Return the document's EleGFO example: theoretical and effective coefficient side by side."""
-    return td.compare_htc(
+    return td.explain.compare_htc(
         "2.168 [W]",
         "0.082241 [m^2]",
         "35.938 [degC]",
@@ -177,7 +177,7 @@ def no_room_for_paint() -> str:
     deck = tomllib.loads((HERE / "EleGFO.toml").read_text(encoding="utf-8"))
     deck["surfaces"]["skin"]["finish"] = "paint, black"
     try:
-        td.split(td.model_from_dict(deck), conditions=BENCH)
+        td.explain.split(td.model_from_dict(deck), conditions=BENCH)
     except td.ThermidError as refused:
         return refused.message
     raise ValueError("a painted EleGFO was split")

@@ -121,7 +121,7 @@ def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
 
 def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float, exponent: float) -> str:
     """Return the natural convection with which, radiation added, a surface at rest gives `factor` times its printed coefficient."""
-    network = td.compile_network(public)
+    network = td.network.compile_network(public)
     *parts, surface, _ = path.split(".")
     owner = public
     for part in parts:

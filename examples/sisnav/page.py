@@ -136,7 +136,7 @@ def figures(work: Work) -> Section:
         model = td.load_model(HERE / f"{name}.toml")
         temperatures = td.steady(model, BENCH)
         pictures.append(Picture(inline(diagram(model, temperatures=temperatures, title=name)), caption))
-    spice = td.to_spice(td.load_model(HERE / "EleGFO.toml"), BENCH)
+    spice = td.interop.to_spice(td.load_model(HERE / "EleGFO.toml"), BENCH)
     blocks: list[PageBlock] = [
         Words("Measured means read by the virtual laboratory's sensors. The document's own curves are not public and were not copied."),
         Heading("The document's Fig. 17: components"),
@@ -162,7 +162,7 @@ def figures(work: Work) -> Section:
     return Section.of("figures", "The document's figures again", blocks, "Figures")
 
 
-def printed_rises(derived: td.Equations) -> tuple[Any, Any]:
+def printed_rises(derived: td.interop.Equations) -> tuple[Any, Any]:
     """Return the rises of Eq. 6 as printed, after Eqs. 4 and 6 were compared with what the program derived.
 
     Raises
@@ -196,7 +196,7 @@ def equations() -> Section:
     """Return Eqs. 4 to 6 as derived from the network of Fig. 19."""
     from sympy import mathml
 
-    derived = td.equations(td.load_model(HERE / "m_PrE.toml"), drawings.NAMES)
+    derived = td.interop.equations(td.load_model(HERE / "m_PrE.toml"), drawings.NAMES)
     lines = [(text, "(4)") for text in derived.mathml()]
 
     def shown(expression: Any) -> str:
@@ -225,7 +225,7 @@ def scenarios(work: Work) -> Section:
     """Return temperature, humidity and vacuum."""
     runs = work.vacuum("m_Sd", SEEN)
     alone = [run for part in ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV") for run in work.vacuum(part, {part: "case"})]
-    humid = td.simulate(work.study.model, BENCH.with_(environment={"cv": td.Environment(humidity=0.9)}))
+    humid = td.simulate(work.study.model, BENCH.with_(environment={"cv": td.network.Environment(humidity=0.9)}))
     bound = td.simulate(td.load_model(HERE / "Acc.toml"), BENCH.vacuum(as_printed=True))
     flags = [f"{f.component}: {f.limit:.0f} °C passed after {f.time / 3600:.3f} h" for f in work.study.exceeded(bound, at="imu.acc.acc_x")]
     blocks: list[PageBlock] = [

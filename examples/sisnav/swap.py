@@ -34,7 +34,7 @@ class Swap:
     rmse : tuple            Against that record: not retuned (the new deck alone), retuned, everything fitted. [K]
     """
 
-    plan: td.RetunePlan
+    plan: td.design.RetunePlan
     values: int
     seconds: tuple[float, float]
     apart: float
@@ -54,7 +54,7 @@ def swapped(name: str, folder: Path, before: td.Campaign) -> Swap:
     """Return one swap."""
     place, part, deck = SWAPS[name]
     laboratory.main(folder / deck, {place: deck})
-    plan = td.plan_retune(before, part, HERE / f"{deck}.toml")
+    plan = td.design.plan_retune(before, part, HERE / f"{deck}.toml")
     seconds = []
     made = []
     for everything in (False, True):

@@ -104,7 +104,7 @@ def text(done: work.Work) -> str:
         "subject": done.study.subject,
         "parts": rows(parts(done.study), (0, 1, 2, 3)),
         "folder": FOLDER,
-        "nodes": str(len(td.compile_network(done.study.model).nodes)),
+        "nodes": str(len(td.network.compile_network(done.study.model).nodes)),
         "rise": f"{acc['case'].rise:.3f}",
         "tau": f"{acc.time_constants[0]:.1f}",
         "settled": f"{acc.time_constants[0] * math.log(100) / 3600:.2f}",

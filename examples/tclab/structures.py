@@ -304,11 +304,11 @@ def page(rows: Sequence[Mapping[str, Any]], to: str) -> Path:
     made = []
     for row in rows:
         if "refused" in row:
-            made.append(td.Structure(row["name"], row["title"], row["free"], refused=row["refused"]))
+            made.append(td.reporting.Structure(row["name"], row["title"], row["free"], refused=row["refused"]))
             continue
         runs = {kind: row[kind] for kind in TRAINING}
         made.append(
-            td.Structure(
+            td.reporting.Structure(
                 row["name"],
                 row["title"],
                 row["free"],
@@ -338,7 +338,7 @@ def page(rows: Sequence[Mapping[str, Any]], to: str) -> Path:
             "than in small ones, so some heat still takes a way that no structure here has."
         )
     chosen = "board" if any(s.name == "board" for s in made) else ""
-    return td.structures_report(
+    return td.reporting.structures_report(
         "Which structure the heater board has", made, to=to, chosen=chosen, reasons=reasons if chosen else (), notes=notes
     )
 

@@ -52,13 +52,13 @@ def planted(seed: int = 1) -> tuple[td.Record, np.ndarray, np.ndarray]:
     return td.Record.from_arrays("gyro", times, channels), times, heater
 
 
-def recovered(record: td.Record) -> td.PowerHistory:
+def recovered(record: td.Record) -> td.inference.PowerHistory:
     """Return the heater's power; the known step gives the mass and the coefficient."""
     known = [("0 [h]", f"{KNOWN} [h]", "5 [W]")]
-    return td.power_history(gyro, record, "heater", known=known, free=["mass", "skin.effective_htc"], every="5 [min]")
+    return td.inference.power_history(gyro, record, "heater", known=known, free=["mass", "skin.effective_htc"], every="5 [min]")
 
 
-def compared(history: td.PowerHistory, times: np.ndarray, heater: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def compared(history: td.inference.PowerHistory, times: np.ndarray, heater: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Return error [W] and standard deviation [W] of the mean power of every window in which it was unknown, and the planted mean. [W]"""
     middle, mean, sd = history.averaged(WINDOW)
     late = middle > KNOWN * 3600.0 + 600.0

@@ -49,11 +49,11 @@ class ThermidError(Exception):
         return type(self)(self.message, f"{place}{joint}{self.where}" if self.where else place)
 
 
-class UnitError(ThermidError):
+class UnitError(ThermidError, ValueError):
     """A unit is unknown, has the wrong dimension, or is used as a difference when it is a temperature."""
 
 
-class ExpressionError(ThermidError):
+class ExpressionError(ThermidError, ValueError):
     """An expression cannot be read, needs itself, or is not arithmetic over names."""
 
 
@@ -61,19 +61,19 @@ class NameNotFoundError(ThermidError, KeyError):
     """A node, parameter, port or channel of that name does not exist; a `KeyError` too, so that `get` of a mapping has its default."""
 
 
-class DeckError(ThermidError):
+class DeckError(ThermidError, ValueError):
     """A deck, campaign or values file does not describe a model."""
 
 
-class OutputError(ThermidError):
+class OutputError(ThermidError, OSError):
     """A file may not be written: it is an input of the command, or thermid did not write what is there."""
 
 
-class ScenarioError(ThermidError):
+class ScenarioError(ThermidError, ValueError):
     """A scenario does not fit the model, or asks for what the model cannot say."""
 
 
-class RecordError(ThermidError):
+class RecordError(ThermidError, ValueError):
     """A log cannot be read as a record, or does not hold what is asked of it."""
 
 
@@ -85,13 +85,13 @@ class MissingExtraError(ThermidError, ImportError):
     """An optional package is not installed; the message says which command installs it."""
 
 
-class SolverError(ThermidError):
+class SolverError(ThermidError, RuntimeError):
     """The integration or the steady solution ended before it was done."""
 
     exit_code = 3
 
 
-class IdentificationError(ThermidError):
+class IdentificationError(ThermidError, ValueError):
     """The data cannot tell what was asked of them."""
 
     exit_code = 4

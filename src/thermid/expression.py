@@ -175,6 +175,8 @@ def _number(tree: ast.expr, body: str, of: Unit, text: str) -> float:
         return float("inf")
     try:
         return to_si(_fraction(tree, body), of)
+    except ThermidError:
+        raise
     except (ArithmeticError, ValueError) as error:
         raise ExpressionError(f"'{_short(text)}' has no finite value.") from error
 

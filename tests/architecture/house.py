@@ -7,6 +7,8 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import thermid
+
 from .source import Import, Module, within
 
 LIST = Path(__file__).parent / "offenders.toml"
@@ -22,7 +24,11 @@ Offenders = dict[str, int]
 def imports_between(modules: Mapping[str, Module]) -> dict[str, set[str]]:
     """Module -> the modules of the package that it imports, wherever the import stands."""
     known = {*modules, "thermid._kernel"}
-    return {m.name: {t for i in m.imports() for t, _ in within(i, known) if t in modules} - {m.name} for m in modules.values()}
+    found = {m.name: {t for i in m.imports() for t, _ in within(i, known) if t in modules} - {m.name} for m in modules.values()}
+    for space in {f"thermid.{name}" for name in thermid._NAMESPACES} & set(found):  # they offer public names for the package as a whole
+        found.setdefault("thermid", set()).update(found[space])
+        found[space] = set()
+    return found
 
 
 def own_lazy_imports(module: Module) -> list[Import]:

@@ -27,7 +27,7 @@ class Step:
 
     def __init__(self) -> None:
         values = {name: f"{value} [{unit}]" for name, (value, unit) in PLANTED.items()}
-        space = td.state_space(td.compile_network(td.load_model(DECK).with_values(values)))
+        space = td.network.state_space(td.network.compile_network(td.load_model(DECK).with_values(values)))
         inputs = np.column_stack([space.B_boundary[:, 0], space.B_load[:, 0]])
         self.joint = np.block([[space.A, inputs], [np.zeros((2, 4))]])
         self.nodes, self.state, self.seconds = space.nodes, np.full(2, 21.0), 0.0

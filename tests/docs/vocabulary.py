@@ -128,7 +128,7 @@ def by_heading() -> dict[str, Names]:
     """Heading of the page -> the names that its tables must hold, no more and no fewer."""
     conductor = [n for n in schema.ConductorTable.model_fields if n not in {s.partition(".")[0] for k in KINDS.values() for s in k.slots}]
     return {
-        "Public names": _of(td.__all__),
+        "Public names": _of(td._PUBLIC),
         "Deck": _model(schema.Deck),
         "Value": _model(fields.ValueTable, {"value": ANY, "min": ANY, "max": ANY}),
         "Node": _model(schema.NodeTable, dict(NODE_SLOTS)),

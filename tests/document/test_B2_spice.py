@@ -18,7 +18,7 @@ TIGHT = td.Options(tolerance=1e-9, relative=1e-9)
 
 
 def test_b2_the_circuit_of_fig_4() -> None:
-    text = td.to_spice(td.load_model(DECKS / "Acc.toml"), BENCH)
+    text = td.interop.to_spice(td.load_model(DECKS / "Acc.toml"), BENCH)
     number = {name: float(value) for name, value in re.findall(r"^([VCRI]_\w+) .*?([\d.e+-]+)(?: IC=24)?$", text, re.MULTILINE)}
     assert number["R_skin"] == pytest.approx(39.63196, abs=1e-5)
     assert number["V_cv"] + number["R_skin"] * number["I_1"] == pytest.approx(32.917191, abs=1e-6)
@@ -29,7 +29,7 @@ def test_b2_the_circuit_of_fig_4() -> None:
 def test_b2_ngspice_gives_the_same_numbers(deck: str, tmp_path: Path) -> None:
     """Every node at every step of ngspice within 2e-5 K; its trapezoidal steps are 1/5000 of the run."""
     model = td.load_model(DECKS / f"{deck}.toml")
-    td.to_spice(model, BENCH, tmp_path / f"{deck}.cir")
+    td.interop.to_spice(model, BENCH, tmp_path / f"{deck}.cir")
     times, found = ngspice(tmp_path / f"{deck}.cir")
     ours = td.simulate(model, BENCH, times=np.minimum(times, BENCH.seconds), options=TIGHT)
     for node in set(ours.nodes) - {"cv"}:
@@ -42,7 +42,7 @@ def test_b2_ngspice_gives_the_row_of_drift_and_step(tmp_path: Path) -> None:
         boundaries={"cv": {"times": ["0 [s]", "5 [h]"], "values": ["24 [degC]", "24.7 [degC]"]}},
         loads={"ele.electronics": {"times": ["0 [s]", "3 [h]"], "values": ["2.168 [W]", "0 [W]"], "hold": True}},
     )
-    td.to_spice(model, step, tmp_path / "pair.cir")
+    td.interop.to_spice(model, step, tmp_path / "pair.cir")
     _, found = ngspice(tmp_path / "pair.cir")
     assert found["proc_case"][-1] == pytest.approx(34.268324, abs=1e-5)
     assert found["ele_case"][-1] == pytest.approx(30.946902, abs=1e-5)

@@ -36,7 +36,7 @@ TYPED = "\n".join(line.lstrip("0123456789").removeprefix(" ") for line in FIG_16
 
 @pytest.mark.parametrize("script", [FIG_16, TYPED], ids=["as printed", "as typed"])
 def test_b4_the_script_gives_the_printed_rise(script: str) -> None:
-    found = td.read_initfcn(script)
+    found = td.interop.read_initfcn(script)
     assert found.numbers["Acc_pw"] == 0.225
     assert found.numbers["Acc_conv_area"] == pytest.approx(0.00420536, rel=1e-15)
     acc = td.model_from_dict(found.block("Acc"))
@@ -48,7 +48,7 @@ def test_b4_the_script_gives_the_printed_rise(script: str) -> None:
 
 
 def test_b4_every_line_keeps_its_unit_and_its_words() -> None:
-    found = td.read_initfcn(FIG_16)
+    found = td.interop.read_initfcn(FIG_16)
     assert {n: (p.text, p.note) for n, p in found.parameters.items()} == {
         "t_sim": ("5*3600 [s]", "Simulation time"),
         "TempC": ("24 [degC]", "Ambient temperature"),

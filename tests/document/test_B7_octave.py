@@ -36,14 +36,14 @@ def test_b7_the_exported_function_gives_the_reference(pair: td.Model, file: str,
     if not (DATA / file).exists():
         pytest.skip(f"{file}, a reference trace, is not here")
     reference = np.loadtxt(DATA / file, delimiter=",", skiprows=1)
-    td.to_octave(pair, scenario, tmp_path / "m_PrE.m")
+    td.interop.to_octave(pair, scenario, tmp_path / "m_PrE.m")
     found = octave(tmp_path / "m_PrE.m", reference[:, 0])
     assert np.abs(found - reference[:, 1:]).max() < 1e-6
 
 
 def test_b7_the_exported_function_gives_the_printed_rows(pair: td.Model, tmp_path: Path) -> None:
     """Section 2.2 of the acceptance sheet: T1 and T2 by Eq. 6."""
-    td.to_octave(pair, BENCH, tmp_path / "m_PrE.m")
+    td.interop.to_octave(pair, BENCH, tmp_path / "m_PrE.m")
     found = octave(tmp_path / "m_PrE.m", np.array([0.5, 1.0, 2.0, 5.0]) * 3600.0)
     rows = [[28.183726, 28.308554], [30.971352, 30.999444], [33.998710, 33.863691], [36.077771, 35.821535]]
     assert np.abs(found - rows).max() < 1e-6
@@ -51,6 +51,6 @@ def test_b7_the_exported_function_gives_the_printed_rows(pair: td.Model, tmp_pat
 
 def test_b7_vacuum_gives_numbers(pair: td.Model, tmp_path: Path) -> None:
     """Where the printed form of Fig. 20 gives NaN: every coefficient zero."""
-    td.to_octave(pair, BENCH.vacuum(as_printed=True), tmp_path / "m_PrE.m")
+    td.interop.to_octave(pair, BENCH.vacuum(as_printed=True), tmp_path / "m_PrE.m")
     found = octave(tmp_path / "m_PrE.m", np.array([18000.0]))
     assert np.abs(found - [75.809512, 76.162750]).max() < 1e-6

@@ -13,12 +13,12 @@ import thermid as td
 
 pytestmark = pytest.mark.document
 EXAMPLES = Path(__file__).parents[2] / "examples"
-ALCANTARA = td.Site(-2.373, -44.396, "40 [m]", -3.0, "Alcantara")
+ALCANTARA = td.site.Site(-2.373, -44.396, "40 [m]", -3.0, "Alcantara")
 HEAD = "time,dry_bulb [degC],humidity [%],wind [m/s],direct_normal [W/m^2],diffuse [W/m^2],rain [mm/h]"
 
 
 @pytest.fixture
-def weather(tmp_path: Path) -> td.Weather:
+def weather(tmp_path: Path) -> td.site.Weather:
     """Two hourly days, made up."""
     rows = [HEAD]
     for k in range(49):
@@ -29,13 +29,13 @@ def weather(tmp_path: Path) -> td.Weather:
         rows.append(f"{stamp},{27 + 4 * day:.3f},{75 - 10 * day:.1f},{5 + 3 * day:.2f},{750 * up:.1f},{180 * up:.1f},{rain}")
     path = tmp_path / "weather.csv"
     path.write_text("\n".join(rows) + "\n", encoding="ascii")
-    return td.read_weather(path)
+    return td.site.read_weather(path)
 
 
-def test_W3_a_series_of_weather_is_T_amb(weather: td.Weather) -> None:  # noqa: N802
+def test_W3_a_series_of_weather_is_T_amb(weather: td.site.Weather) -> None:  # noqa: N802
     """The accelerometer of Fig. 16 in the open air: hour by hour the closed form of one mass in air that warms along a straight line."""
     model = td.load_model(EXAMPLES / "01_accelerometer" / "accelerometer.toml")
-    series = td.pad_scenario(ALCANTARA, weather, air="air", sun=False, sky=False, start="24 [degC]")
+    series = td.site.pad_scenario(ALCANTARA, weather, air="air", sun=False, sky=False, start="24 [degC]")
     run = td.simulate(model, series, every="1 [h]")
     tau, rise = float(run.time_constants[0]), 8.917191
     air = weather["dry_bulb"].values
@@ -48,12 +48,12 @@ def test_W3_a_series_of_weather_is_T_amb(weather: td.Weather) -> None:  # noqa: 
     assert np.abs(run["case"].kelvin - exact).max() < 1e-5
 
 
-def test_W3_a_launch_campaign_with_its_whole_environment(weather: td.Weather, tmp_path: Path) -> None:  # noqa: N802
+def test_W3_a_launch_campaign_with_its_whole_environment(weather: td.site.Weather, tmp_path: Path) -> None:  # noqa: N802
     """The unit on its host: weather, sun on the shell, a cold sky, wind and rain."""
     model = _outdoors(tmp_path)
     wind = {"shell_skin.htc": {"length": "1.4 [m]", "calm": "4 [W/(m^2 K)]", "rain": "wall"}}
     given = {"boundaries": {"supply": "18 [degC]", "stage": "28 [degC]"}, "start": "steady"}
-    pad = td.pad_scenario(
+    pad = td.site.pad_scenario(
         ALCANTARA, weather, air="weather", sky={"sky": 90}, wind=wind, begin="2026-03-21 06:00", duration="30 [h]", **given
     )
     run = td.simulate(model, pad)
@@ -68,7 +68,9 @@ def test_W3_a_launch_campaign_with_its_whole_environment(weather: td.Weather, tm
     assert sun.min() == 0.0
     assert sun[np.abs(run.times - noon).argmin()] > 100.0
     # without the weather of the pad the answer is another one
-    dull = td.simulate(model, td.pad_scenario(ALCANTARA, weather, air="weather", sun=False, sky={"sky": 90}, duration="30 [h]", **given))
+    dull = td.simulate(
+        model, td.site.pad_scenario(ALCANTARA, weather, air="weather", sun=False, sky={"sky": 90}, duration="30 [h]", **given)
+    )
     assert run["shell"].highest > dull["shell"].highest + 1.0
     assert run["unit.disk"].highest > dull["unit.disk"].highest
 

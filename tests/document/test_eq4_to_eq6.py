@@ -24,15 +24,15 @@ LAMBDA = DELTA + ALPHA + BETA + N1 * N2
 
 
 @pytest.fixture(scope="module")
-def derived() -> td.Equations:
-    return td.equations(td.load_model(DECK), NAMES)
+def derived() -> td.interop.Equations:
+    return td.interop.equations(td.load_model(DECK), NAMES)
 
 
 def same(found: object, printed: object) -> bool:
     return sympy.simplify(found - printed) == 0
 
 
-def test_eq4_both_rows_and_delta(derived: td.Equations) -> None:
+def test_eq4_both_rows_and_delta(derived: td.interop.Equations) -> None:
     one = Q1 - (T1 - TA) / N1 - (R2 * (T1 - TA) + N3 * (T1 - T2)) / DELTA
     two = Q2 - (T2 - TA) / N2 - (R1 * (T2 - TA) + N3 * (T2 - T1)) / DELTA
     assert [str(c) for c in derived.capacitances] == ["C_1", "C_2"]
@@ -42,13 +42,13 @@ def test_eq4_both_rows_and_delta(derived: td.Equations) -> None:
     assert not same(derived.expanded(derived.heat[0]), one + (T1 - TA) / (1000 * N1))  # the comparison can fail
 
 
-def test_eq4_the_massless_node(derived: td.Equations) -> None:
+def test_eq4_the_massless_node(derived: td.interop.Equations) -> None:
     ((symbol, expression),) = derived.massless.items()
     assert str(symbol) == "T_cd"
     assert same(derived.expanded(expression), (R1 * R2 * TA + R1 * N3 * T2 + R2 * N3 * T1) / DELTA)
 
 
-def test_eq4_without_the_gap(derived: td.Equations) -> None:
+def test_eq4_without_the_gap(derived: td.interop.Equations) -> None:
     """B9: R_cn3 left out is its limit at infinity, both joints in a row; the printed text calls that negligible (E3)."""
     for k, sign in ((0, 1), (1, -1)):
         open_gap = sympy.limit(derived.expanded(derived.heat[k]), N3, sympy.oo)
@@ -56,7 +56,7 @@ def test_eq4_without_the_gap(derived: td.Equations) -> None:
         assert same(open_gap, alone - sign * (T1 - T2) / (R1 + R2))
 
 
-def test_eq5_matrix_and_vector(derived: td.Equations) -> None:
+def test_eq5_matrix_and_vector(derived: td.interop.Equations) -> None:
     a = [
         [-((R2 + N3) / DELTA + 1 / N1) / C1, N3 / DELTA / C1],
         [N3 / DELTA / C2, -((R1 + N3) / DELTA + 1 / N2) / C2],
@@ -68,21 +68,21 @@ def test_eq5_matrix_and_vector(derived: td.Equations) -> None:
             assert same(derived.expanded(derived.matrix[i, j]), a[i][j])
 
 
-def test_eq6_steady_state(derived: td.Equations) -> None:
+def test_eq6_steady_state(derived: td.interop.Equations) -> None:
     rise = [N1 / LAMBDA * (Q1 * (DELTA + ALPHA) + Q2 * N2 * N3), N2 / LAMBDA * (Q1 * N1 * N3 + Q2 * (DELTA + BETA))]
     assert [str(s) for s in derived.steady] == ["T_1", "T_2"]
     for expression, printed in zip(derived.steady.values(), rise, strict=True):
         assert same(expression, TA + printed)
 
 
-def test_eq6_numbers(derived: td.Equations) -> None:
+def test_eq6_numbers(derived: td.interop.Equations) -> None:
     given = {**derived.values, "Q_k1": 4.11, "Q_k2": 2.168, "T_amb": 24.0}
     given |= {"R_cd1": 0.00406 / 0.00292, "R_cd2": 0.00406 / 0.00292}  # the deck rounds L/k at its sixth digit
     found = [float(e.subs(given)) for e in derived.steady.values()]
     assert found == pytest.approx([36.252540, 35.986075], abs=1e-6)
 
 
-def test_eq4_as_latex(derived: td.Equations) -> None:
+def test_eq4_as_latex(derived: td.interop.Equations) -> None:
     assert derived.latex().splitlines()[1:4] == [
         r"  C_{1} \frac{dT_{1}}{dt} &= Q_{k1} - \frac{T_{1} - T_{amb}}{R_{cn1}} - \frac{R_{cd2} \left(T_{1} - T_{amb}\right)}{\Delta} "
         r"- \frac{R_{cn3} \left(T_{1} - T_{2}\right)}{\Delta} \\",

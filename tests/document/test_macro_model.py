@@ -19,7 +19,7 @@ SCENARIOS = ("transport", "pad", "pad_hold", "ascent", "coast")
 
 @pytest.fixture(scope="module")
 def macro() -> td.Model:
-    return td.macro_model(MACRO / "macro.toml")
+    return td.qualify.macro_model(MACRO / "macro.toml")
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +74,9 @@ def test_A10_every_value_of_the_host_has_a_source(macro: td.Model) -> None:  # n
 
 def test_A10_a_value_without_a_source_is_named(macro: td.Model) -> None:  # noqa: N802
     with pytest.raises(td.ThermidError, match=r"2 values of the host have no source: 'foot_conductance', 'ring.conductance'.*\"measured\""):
-        td.macro_model(macro.with_values({"foot_conductance": "0.4 [W/K]", "ring.conductance": "2 [W/K]"}))
+        td.qualify.macro_model(macro.with_values({"foot_conductance": "0.4 [W/K]", "ring.conductance": "2 [W/K]"}))
     with pytest.raises(td.ThermidError, match=r"one value of the host has no source: 'unit.pre.proc.power'"):
-        td.macro_model(macro.with_values({"unit.pre.proc.power": "4 [W]"}))
+        td.qualify.macro_model(macro.with_values({"unit.pre.proc.power": "4 [W]"}))
 
 
 def test_A10_a_value_that_is_not_set_is_an_error_with_its_name(tmp_path: Path) -> None:  # noqa: N802
@@ -85,7 +85,7 @@ def test_A10_a_value_that_is_not_set_is_an_error_with_its_name(tmp_path: Path) -
     text = (MACRO / "macro.toml").read_text(encoding="utf-8").replace("../m_Sd", "m_Sd")
     (tmp_path / "macro.toml").write_text(text.replace('value = "2.5 [W/(m^2 K)]", ', ""), encoding="utf-8")
     with pytest.raises(td.ThermidError, match=r"macro.toml:\d+, parameters.insulation.*value"):
-        td.macro_model(tmp_path / "macro.toml")
+        td.qualify.macro_model(tmp_path / "macro.toml")
 
 
 def test_A10_what_is_fitted_counts_as_calibrated(macro: td.Model) -> None:  # noqa: N802
@@ -99,7 +99,7 @@ def test_A10_what_is_fitted_counts_as_calibrated(macro: td.Model) -> None:  # no
     fit = td.calibrate(macro, record, ["ring.conductance"], scenario=hold)
     found = fit["ring.conductance"]
     assert found.value == pytest.approx(4.0, abs=4 * found.error)
-    (value,) = (v for v in host_values(td.macro_model(fit.fitted_model)) if v.path == "ring.conductance")
+    (value,) = (v for v in host_values(td.qualify.macro_model(fit.fitted_model)) if v.path == "ring.conductance")
     assert value.source == "calibrated"
 
 

@@ -61,14 +61,14 @@ def test_W2_a_log_of_every_kind_of_profile_is_judged(tmp_path: Path, course: str
     (tmp_path / "unit.toml").write_text(
         (tmp_path / "unit.toml").read_text() + f"\n[surfaces]\nskin2 = {surfaces[9:-2]}\n", encoding="utf-8"
     )
-    scenario = td.run_plan(file)["hot"].foresight.scenario
+    scenario = td.qualify.run_plan(file)["hot"].foresight.scenario
     times = np.arange(0.0, scenario.seconds, 300.0)
     run = td.simulate(load_plan(file).known.model, scenario, times=times)
     columns = [times, run["proc"].celsius + 0.3, run["ele"].celsius + 0.3, run["air"].celsius]
     np.savetxt(tmp_path / "hot.csv", np.column_stack(columns), delimiter=",", header="time_s,T_PROC,T_ELE,ROOM", comments="")
     project_text = with_log(text)
     (tmp_path / "plan.toml").write_text(project_text, encoding="utf-8")
-    trial = td.run_plan(file)["hot"]
+    trial = td.qualify.run_plan(file)["hot"]
     assert trial.course is not None
     assert trial.correlation is not None
     assert set(trial.correlation.verdicts) == {"ECSS", "ours"}
@@ -80,16 +80,16 @@ def test_W2_a_log_of_every_kind_of_profile_is_judged(tmp_path: Path, course: str
 def test_A12_a_plan_lists_its_tests_and_turns_into_verdicts_as_logs_come_back(tmp_path: Path) -> None:  # noqa: N802
     """Environmental tests and the experiment on board, each with sensors, criteria and pass or fail."""
     file = project(tmp_path)
-    ahead = td.run_plan(file)
+    ahead = td.qualify.run_plan(file)
     assert [(t.test.name, t.test.kind, t.correlation) for t in ahead.trials] == [
         ("hot", "thermal cycling", None),
         ("experiment on board", "on-board", None),
     ]
     assert all(t.within for t in ahead.trials)
-    td.lock_plan(td.load_plan(file))
+    td.qualify.lock_plan(td.qualify.load_plan(file))
     measured(tmp_path)
     (tmp_path / "plan.toml").write_text(with_log(PLAN, state='"run"'), encoding="utf-8")
-    good = td.run_plan(file)
+    good = td.qualify.run_plan(file)
     assert good["hot"].correlation is not None
     assert good["hot"].correlation.verdicts == {"ECSS": True, "ours": True}
     assert good.lock.sound
@@ -143,8 +143,8 @@ def test_H1_relative_humidity_alone_moves_no_verdict(tmp_path: Path) -> None:  #
             boundaries={"air": "40 [degC]"},
             duration="2 [h]",
             start="20 [degC]",
-            environment={"air": td.Environment(humidity=humidity)},
+            environment={"air": td.network.Environment(humidity=humidity)},
         )
-        found.append(td.foresee(td.Known(unit()), course))
+        found.append(td.design.foresee(td.design.Known(unit()), course))
     assert np.array_equal(found[0].prediction["proc"].kelvin, found[1].prediction["proc"].kelvin)
     assert any("is not used: the equations contain no moisture." in w for w in found[0].prediction.warnings)

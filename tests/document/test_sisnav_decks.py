@@ -73,12 +73,12 @@ def test_2_5_every_node_of_every_level(deck: str, node: str, steady: float, t99:
 
 @pytest.mark.parametrize("deck", ["m_PrE", "m_AccS", "m_IMU", "m_Sd"])
 def test_b10_areas_add_up_in_the_decks(deck: str) -> None:
-    for line in td.ledger(model(deck)):
+    for line in td.model.ledger(model(deck)):
         assert line.exposed + line.contact + line.gap == pytest.approx(line.total, abs=1e-12)
 
 
 def test_b10_the_printed_example_of_the_ledger() -> None:
-    exposed = {line.surface: line.exposed for line in td.ledger(model("m_Sd"))}
+    exposed = {line.surface: line.exposed for line in td.model.ledger(model("m_Sd"))}
     assert exposed["pre.ele.skin"] == pytest.approx(0.059241, abs=1e-12)
     assert exposed["imu.support_skin"] == pytest.approx(0.13305, abs=1e-12)
     assert exposed["disk_skin"] == pytest.approx(0.25831, abs=1e-12)
@@ -103,7 +103,7 @@ def test_a3_components_are_unchanged_in_a_submodel() -> None:
     ],
 )
 def test_n1_n2_n3_names_of_the_document_mean_one_node(deck: str, names: tuple[str, ...]) -> None:
-    network = td.compile_network(model(deck))
+    network = td.network.compile_network(model(deck))
     assert {network.find(name) for name in names} == {names[-1]}
 
 
@@ -114,4 +114,4 @@ def test_n2_an_alias_depends_on_where_it_is_used() -> None:
     assert unit.canonical("m_IMU.m_AccS") == "imu.acc"
     assert unit.canonical("PrE") == "pre"
     with pytest.raises(td.ThermidError, match=r"no node 'm_IMU\.AccZ'"):
-        td.compile_network(unit).find("m_IMU.AccZ")
+        td.network.compile_network(unit).find("m_IMU.AccZ")

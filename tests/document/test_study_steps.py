@@ -18,8 +18,8 @@ ELEVEN += ("accelerometer support", "IMU support", "metallic disk")
 
 
 @pytest.fixture(scope="module")
-def study() -> td.Study:
-    return td.load_study(STUDY)
+def study() -> td.design.Study:
+    return td.design.load_study(STUDY)
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def without(project: Path, table: str) -> Path:
     return project / "cut.toml"
 
 
-def test_K1_the_eleven_physical_items_and_the_use(study: td.Study) -> None:  # noqa: N802
+def test_K1_the_eleven_physical_items_and_the_use(study: td.design.Study) -> None:  # noqa: N802
     assert tuple(study.components) == ELEVEN
     assert len({c.at for c in study.components.values()}) == 11
     assert "replaced" in study.use
@@ -48,7 +48,7 @@ def test_K1_the_eleven_physical_items_and_the_use(study: td.Study) -> None:  # n
 
 def test_K1_it_refuses_without_components(project: Path) -> None:  # noqa: N802
     with pytest.raises(DeckError, match=r"the components are missing\. List the physical items, each with its place in the model\."):
-        td.load_study(without(project, "components"))
+        td.design.load_study(without(project, "components"))
 
 
 def test_K1_it_refuses_without_an_intended_use(project: Path) -> None:  # noqa: N802
@@ -56,7 +56,7 @@ def test_K1_it_refuses_without_an_intended_use(project: Path) -> None:  # noqa: 
     cut = "\n".join(line for line in text.splitlines() if not line.startswith("use     ="))
     (project / "cut.toml").write_text(cut, encoding="utf-8")
     with pytest.raises(DeckError, match=r"cut\.toml:7, knowledge\.use: the intended use of the model is missing\. It"):
-        td.load_study(project / "cut.toml")
+        td.design.load_study(project / "cut.toml")
 
 
 def test_K1_every_mass_is_part_of_one_item(project: Path) -> None:  # noqa: N802
@@ -64,12 +64,12 @@ def test_K1_every_mass_is_part_of_one_item(project: Path) -> None:  # noqa: N802
     cut = "\n".join(line for line in text.splitlines() if not line.startswith('"metallic disk"'))
     (project / "cut.toml").write_text(cut, encoding="utf-8")
     with pytest.raises(DeckError, match=r"node 'disk' of the model belongs to no component\. Assign every mass to one component\."):
-        td.load_study(project / "cut.toml")
+        td.design.load_study(project / "cut.toml")
 
 
-def test_K2_every_node_is_light_grey(study: td.Study) -> None:  # noqa: N802
+def test_K2_every_node_is_light_grey(study: td.design.Study) -> None:  # noqa: N802
     assert set(study.boxes.values()) == {"light grey"}
-    assert len(study.boxes) == len(td.compile_network(study.model).nodes)
+    assert len(study.boxes) == len(td.network.compile_network(study.model).nodes)
     assert set(study.part_boxes.values()) == {"light grey"}
 
 
@@ -77,15 +77,15 @@ def test_K2_a_mixed_tag_is_kept_on_aggregation(project: Path) -> None:  # noqa: 
     """A gyro known only by its readings makes the measurement unit and the whole mixed, and nothing else."""
     fog = project / "FOG_h.toml"
     fog.write_text(fog.read_text(encoding="utf-8").replace('box    = "light grey"', 'box    = "black"'), encoding="utf-8")
-    mixed = td.load_study(project / "study.toml")
+    mixed = td.design.load_study(project / "study.toml")
     assert mixed.part_boxes["imu.fog_x"] == "black"
     assert mixed.part_boxes["imu"] == mixed.part_boxes[""] == "light grey + black"
     assert mixed.part_boxes["pre"] == mixed.part_boxes["imu.fog_y"] == "light grey"
     assert {n for n, box in mixed.boxes.items() if box == "black"} == {"imu.fog_x.case"}
 
 
-def test_K3_both_set_ups_round_trip(study: td.Study, project: Path) -> None:  # noqa: N802
-    again = td.load_study(study.save(project / "again.toml"))
+def test_K3_both_set_ups_round_trip(study: td.design.Study, project: Path) -> None:  # noqa: N802
+    again = td.design.load_study(study.save(project / "again.toml"))
     assert again == study
     assert (again.options.tolerance, again.options.relative) == (2e-7, 2e-8)
     assert "ode15s" in again.solver
@@ -97,14 +97,14 @@ def test_K3_both_set_ups_round_trip(study: td.Study, project: Path) -> None:  # 
     assert "0 degC" in sensor.certificate
 
 
-def test_K4_twelve_actions_in_their_places(study: td.Study) -> None:  # noqa: N802
+def test_K4_twelve_actions_in_their_places(study: td.design.Study) -> None:  # noqa: N802
     assert len(study.actions) == 12
     assert [a.state for a in study.actions] == ["done"] * 7 + ["with qualification"] * 5
     assert study.metrics == ("rmse", "max_error", "final_error")
     assert study.rules
 
 
-def test_K4_a_log_of_every_step(study: td.Study, project: Path) -> None:  # noqa: N802
+def test_K4_a_log_of_every_step(study: td.design.Study, project: Path) -> None:  # noqa: N802
     """Each stage and each verdict leaves RMSE, largest and final error of every sensor; the document prints none (E23)."""
     times = np.arange(0.0, 18001.0, 60.0)
     rng = np.random.default_rng(3)
@@ -124,7 +124,7 @@ def test_K4_a_log_of_every_step(study: td.Study, project: Path) -> None:  # noqa
     for stages in ('["Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV"]', '["m_PrE", "m_AccS", "m_IMU"]', '["m_Sd"]'):
         text = text.replace(f"stages = {stages}", 'stages = ["EleGFO"]')
     (project / "short.toml").write_text(text, encoding="utf-8")
-    log = td.load_study(project / "short.toml").log(td.run_stages(project / "campaign.toml"))
+    log = td.design.load_study(project / "short.toml").log(td.run_stages(project / "campaign.toml"))
     assert [(s.stage, s.record, s.sensor, s.held_out) for s in log] == [
         ("EleGFO", "one", "T_ELE", False),
         ("EleGFO", "two", "T_ELE", True),
@@ -147,16 +147,16 @@ def test_K4_a_log_of_every_step(study: td.Study, project: Path) -> None:  # noqa
         ("m_Sd_FOG1", "imu.fog_x.case"),
     ],
 )
-def test_N4_one_model_with_three_names(study: td.Study, name: str, path: str) -> None:  # noqa: N802
+def test_N4_one_model_with_three_names(study: td.design.Study, name: str, path: str) -> None:  # noqa: N802
     assert study.find(name) == path
 
 
-def test_N4_an_unknown_name_is_an_error(study: td.Study) -> None:  # noqa: N802
+def test_N4_an_unknown_name_is_an_error(study: td.design.Study) -> None:  # noqa: N802
     with pytest.raises(NameNotFoundError, match=r"there is no 'm_SdU_PrX' in the model\."):
         study.find("m_SdU_PrX")
 
 
-def test_B17_limits_are_flagged_with_the_time(study: td.Study) -> None:  # noqa: N802
+def test_B17_limits_are_flagged_with_the_time(study: td.design.Study) -> None:  # noqa: N802
     """In vacuum as printed the accelerometer alone leaves its +96 degC after 2.304 h; on the bench nothing is flagged."""
     part = td.load_model(STUDY.parent / "Acc.toml")
     bench = td.Scenario("bench", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
@@ -168,7 +168,7 @@ def test_B17_limits_are_flagged_with_the_time(study: td.Study) -> None:  # noqa:
     assert flag.reached == pytest.approx(180.25, abs=1e-6)
 
 
-def test_B17_a_lower_limit_too(study: td.Study) -> None:  # noqa: N802
+def test_B17_a_lower_limit_too(study: td.design.Study) -> None:  # noqa: N802
     cold = td.Scenario("cold", boundaries={"cv": "-80 [degC]"}, start="24 [degC]", duration="10 [h]")
     flags = study.exceeded(td.simulate(study.model, cold))
     assert {f.component for f in flags} == {"Acc_x", "Acc_y", "Acc_z"}

@@ -15,12 +15,12 @@ MEMBERS = 10_000
 
 
 @pytest.fixture(scope="module")
-def question() -> td.HoldQuestion:
-    return td.load_hold(MACRO / "hold.toml")
+def question() -> td.qualify.HoldQuestion:
+    return td.qualify.load_hold(MACRO / "hold.toml")
 
 
 @pytest.fixture(scope="module")
-def whole(question: td.HoldQuestion, tmp_path_factory: pytest.TempPathFactory) -> tuple[UncertainRuns, td.Hold]:
+def whole(question: td.qualify.HoldQuestion, tmp_path_factory: pytest.TempPathFactory) -> tuple[UncertainRuns, td.qualify.Hold]:
     """Stopped after a third, as by Ctrl-C, and gone on with."""
     folder = tmp_path_factory.mktemp("runs")
 
@@ -38,17 +38,17 @@ def whole(question: td.HoldQuestion, tmp_path_factory: pytest.TempPathFactory) -
     return runs, found
 
 
-def test_a_small_hold_of_the_unit(question: td.HoldQuestion) -> None:
+def test_a_small_hold_of_the_unit(question: td.qualify.HoldQuestion) -> None:
     """Quick: 64 members; no cooling takes a gyro beyond 50 degC in some of them, after hours."""
-    runs = td.uncertain_runs(question.model, question.scenarios, spread=question.spread, at="unit", n=64, seed=7, nodes=["FOG_x"])
-    found = td.hold(runs, {"FOG_x": "50 [degC]"}, confidence=0.8)
+    runs = td.qualify.uncertain_runs(question.model, question.scenarios, spread=question.spread, at="unit", n=64, seed=7, nodes=["FOG_x"])
+    found = td.qualify.hold(runs, {"FOG_x": "50 [degC]"}, confidence=0.8)
     assert 2.5 * 3600 < found.together.hold < 7 * 3600
     assert 0.2 < found["FOG_x"].never < 0.7
     assert found.watermark == "demonstration, 64 assumed parameters"
 
 
 @pytest.mark.campaign
-def test_ten_thousand_holds(whole: tuple[UncertainRuns, td.Hold]) -> None:
+def test_ten_thousand_holds(whole: tuple[UncertainRuns, td.qualify.Hold]) -> None:
     runs, found = whole
     assert len(runs) == MEMBERS
     assert not runs.failed
@@ -59,13 +59,15 @@ def test_ten_thousand_holds(whole: tuple[UncertainRuns, td.Hold]) -> None:
 
 
 @pytest.mark.campaign
-def test_processes_give_the_same_ten_thousand(question: td.HoldQuestion, whole: tuple[UncertainRuns, td.Hold]) -> None:
+def test_processes_give_the_same_ten_thousand(question: td.qualify.HoldQuestion, whole: tuple[UncertainRuns, td.qualify.Hold]) -> None:
     assert np.array_equal(question.run(workers=2)[0].temperatures, whole[0].temperatures)
 
 
 @pytest.mark.campaign
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_of_two_workers_gives_the_same_ten_thousand(question: td.HoldQuestion, whole: tuple[UncertainRuns, td.Hold]) -> None:
+def test_a_cluster_of_two_workers_gives_the_same_ten_thousand(
+    question: td.qualify.HoldQuestion, whole: tuple[UncertainRuns, td.qualify.Hold]
+) -> None:
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:

@@ -24,7 +24,7 @@ def test_the_plan_stands_as_it_was_locked_and_says_that_logs_came_first() -> Non
     """Its decks, values, limits and scenarios among it; the logs are synthetic and were run while the plan was written."""
     from thermid.qualify.plan import lock_status
 
-    plan = td.load_plan(EXAMPLES / "sisnav" / "qualification" / "plan.toml")
+    plan = td.qualify.load_plan(EXAMPLES / "sisnav" / "qualification" / "plan.toml")
     status = lock_status(plan)
     assert (status.state, status.changed) == ("late", ())
     assert "locked, so the lock does not prove that the criteria were set in advance" in str(status)
@@ -34,7 +34,7 @@ def test_the_plan_stands_as_it_was_locked_and_says_that_logs_came_first() -> Non
 @pytest.mark.campaign
 def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     shutil.copytree(EXAMPLES, tmp_path / "examples")
-    found = td.run_plan(tmp_path / "examples" / "sisnav" / "qualification" / "plan.toml")
+    found = td.qualify.run_plan(tmp_path / "examples" / "sisnav" / "qualification" / "plan.toml")
     assert all(t.within for t in found.trials)
     assert found.worst is not None
     assert found.worst[:2] == ("FOG_x", "thermal vacuum")
@@ -49,7 +49,7 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     assert cycles.endswith("the profile runs 16 and other tests of the plan 4")  # none is missing
     assert [max(p.cycle for p in found[t].course.phases) for t in ("thermal cycling", "thermal vacuum")] == [16, 4]
     assert found.demonstration.startswith("demonstration: 56 assumed parameters, synthetic data")
-    text = td.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    text = td.reporting.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
     assert "DEMONSTRATION: 56 ASSUMED PARAMETERS, SYNTHETIC DATA" in text
     assert "EXTRAPOLATION" in text
     without_script(text)

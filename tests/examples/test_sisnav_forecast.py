@@ -55,7 +55,7 @@ def test_final_temperatures_of_26_sensors(laboratory):
                 ("slowest", 2.0, {"slowest": "2 [h]"}),
                 ("model", 2.0, {"model": deck, "scenario": bench}),
             ):
-                found = td.forecast(log, channel, until=hours * HOUR, reference="T_ROOM", **led)
+                found = td.bench.forecast(log, channel, until=hours * HOUR, reference="T_ROOM", **led)
                 truth = settled(laboratory, world, name, channel, found.reference)
                 row = counts.setdefault((kind, hours), [0, 0, 0, 0])
                 inside = found.final.low <= truth <= found.final.high
@@ -90,9 +90,9 @@ def test_a_hidden_slow_mass_is_declined(laboratory):
     log = td.Record.from_arrays("fog with ballast", run.times, {"T_FOG1": Channel.of("T_FOG1", readings)})
     rest = td.steady(deck, bench)["fog.case"]
     assert rest - run["fog.case"].kelvin[-1] > 2.0  # what is hidden
-    found = td.forecast(log)
+    found = td.bench.forecast(log)
     assert "cannot exclude a slow part" in found.declined
     assert found.final.low < rest < found.final.high
-    assert td.stability(log, "3 C/h").stable  # the rule of SMC-S-016 is content
-    known = td.forecast(log, model=deck, scenario=replace(bench, duration=3600.0), within="5 [K]")
+    assert td.bench.stability(log, "3 C/h").stable  # the rule of SMC-S-016 is content
+    known = td.bench.forecast(log, model=deck, scenario=replace(bench, duration=3600.0), within="5 [K]")
     assert known.final.low < rest < known.final.high

@@ -75,7 +75,7 @@ def test_the_same_model_gives_the_same_bits(case: Case) -> None:
 
 def _same_numbers(one: td.Model, other: td.Model) -> None:
     """Compare every row of the networks bit for bit; the tables of a written deck may stand in another order."""
-    a, b = (td.compile_network(m).numbers() for m in (one, other))
+    a, b = (td.network.compile_network(m).numbers() for m in (one, other))
     assert dict(a.capacitances) == dict(b.capacitances)
     for rows in ("conductors", "loads"):
         of_a, of_b = ({(r.name, k): (r.form, r.coefficients, r.curve) for k, r in enumerate(_sorted(getattr(n, rows)))} for n in (a, b))

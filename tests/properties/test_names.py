@@ -80,12 +80,12 @@ def test_neither_nesting_nor_order_changes_the_equations(case: Case, at: tuple[i
     deck, names = flatten(case.deck)
     backwards = {k: dict(reversed(v.items())) if k in DECK_TABLES else v for k, v in deck.items()}
     scenario = {**case.scenario, "initial": {names[n]: v for n, v in case.scenario["initial"].items()}}
-    nested = Wiring(td.compile_network(case.model), case.run())
+    nested = Wiring(td.network.compile_network(case.model), case.run())
     engine = Engine(nested)
     temperatures = np.random.default_rng(at[0]).uniform(250, 350, len(engine.nodes))
     heat, jacobian, _ = engine.rhs(nested.assemble(), temperatures, at[1])
     for twin in (deck, backwards):
-        wiring = Wiring(td.compile_network(build(twin)), td.Scenario("flat", **scenario))
+        wiring = Wiring(td.network.compile_network(build(twin)), td.Scenario("flat", **scenario))
         other = Engine(wiring)
         order = [other.nodes.index(names[n]) for n in engine.nodes]
         moved = np.empty_like(temperatures)

@@ -175,14 +175,14 @@ def by_fit(kind: Kind, rng: np.random.Generator) -> Claims:
 def by_profile(kind: Kind, rng: np.random.Generator) -> Claims:
     """Profile likelihood of one value."""
     bench, fit = _fitted(kind, rng)
-    found = td.profile(fit, FREE[0])
+    found = td.inference.profile(fit, FREE[0])
     return {FREE[0]: Claim(bool(found.low <= bench.truth[FREE[0]] <= found.high))}
 
 
 def by_posterior(kind: Kind, rng: np.random.Generator) -> Claims:
     """Quantiles of posterior samples."""
     bench, fit = _fitted(kind, rng)
-    found = td.posterior(fit, steps=120, seed=int(rng.integers(1 << 30)))
+    found = td.inference.posterior(fit, steps=120, seed=int(rng.integers(1 << 30)))
     ends = {p: found.interval(p) for p in FREE}
     return {p: Claim(bool(low <= bench.truth[p] <= high)) for p, (low, high) in ends.items()}
 
@@ -193,7 +193,7 @@ def by_next_test(kind: Kind, rng: np.random.Generator) -> Claims:
     first = bench.record(kind, rng)
     fit = td.calibrate(MODEL, first, FREE)
     again = fit.experiments[0].scenario
-    promised = {p: next(o for o in td.next_test(fit, p, scenario=again, every=STEP).options if o.name == SAME) for p in FREE}
+    promised = {p: next(o for o in td.design.next_test(fit, p, scenario=again, every=STEP).options if o.name == SAME) for p in FREE}
     both = td.calibrate(MODEL, [first, bench.record(kind, rng, "again")], FREE)
     units = {p: fit[p].value / fit[p].in_unit for p in FREE}
     return {p: scored((both[p].in_unit - bench.truth[p]) * units[p], promised[p].error) for p in FREE}
@@ -203,7 +203,7 @@ def by_power_history(kind: Kind, rng: np.random.Generator, every: str = "") -> C
     """Means over a quarter of an hour of a recovered power."""
     smooth = 2.0 + 3.0 / (1.0 + np.exp(-(TIMES - rng.uniform(1500.0, 3000.0)) / 400.0)) + np.sin(TIMES / rng.uniform(900.0, 1500.0))
     bench = replace(Bench.drawn(rng, smooth), held=False)
-    found = td.power_history(bench.hidden, bench.record(kind, rng, powers=False), "heater", every=every)
+    found = td.inference.power_history(bench.hidden, bench.record(kind, rng, powers=False), "heater", every=every)
     middle, mean, sd = found.averaged("15 [min]")
     fine = np.linspace(0.0, TIMES[-1], 40 * 360 + 1)
     true = np.interp(fine, TIMES, smooth)
@@ -236,7 +236,7 @@ def by_energy_balance(kind: Kind, rng: np.random.Generator) -> Claims:
     bench, record = _settled(kind, rng)
     learnt = Bench(bench.truth, bench.hidden, *(getattr(Bench.drawn(rng), n) for n in ("room", "heater")), TIMES)
     fit = td.calibrate(MODEL, learnt.record(kind, rng, "learnt"), FREE)
-    found = td.energy_balance(fit, record, "3 [h]", "end", limit="3 [K/h]")
+    found = td.explain.energy_balance(fit, record, "3 [h]", "end", limit="3 [K/h]")
     return {"closes": Claim(found.closes, found.total / found.error if found.error else float("inf"))}
 
 

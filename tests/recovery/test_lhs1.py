@@ -99,7 +99,7 @@ def slowest(pressure: float) -> float:
     film = td.model_from_dict(deck)
     flows = []
     for p in (89400.0, pressure):
-        run = td.simulate(film, warm.with_(environment={"*": td.Environment(f"{p} [Pa]")}))
+        run = td.simulate(film, warm.with_(environment={"*": td.network.Environment(f"{p} [Pa]")}))
         flows.append(sum(run.heat_flow(c)[0] for c in run.heat_flows))
     return flows[0] / flows[1]
 

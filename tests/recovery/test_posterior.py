@@ -25,7 +25,7 @@ def fit() -> td.Calibration:
 class TestSamples:
     def test_a_posterior_of_a_quadratic_valley_is_the_fit(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
-        found = td.posterior(fit, steps=200)
+        found = td.inference.posterior(fit, steps=200)
         low, high = found.interval("near.conductance")
         value = fit["near.conductance"]
         assert (low, high) == pytest.approx((value.value - 1.96 * value.error, value.value + 1.96 * value.error), abs=0.25 * value.error)
@@ -36,16 +36,16 @@ class TestSamples:
 
     def test_short_chains_say_so(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
-        assert any("are needed. Give more steps." in w for w in td.posterior(fit, steps=40).warnings)
+        assert any("are needed. Give more steps." in w for w in td.inference.posterior(fit, steps=40).warnings)
 
     def test_draws_feed_an_ensemble(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
-        draws = {k: v[:16] for k, v in td.posterior(fit, steps=30).draws.items()}
+        draws = {k: v[:16] for k, v in td.inference.posterior(fit, steps=30).draws.items()}
         assert td.ensemble(fit.model, BENCH, draws).members == 16
 
     def test_evidence_is_the_integral_over_the_box(self, fit: td.Calibration) -> None:
         pytest.importorskip("dynesty")
-        found = td.evidence(fit, points=40)
+        found = td.inference.evidence(fit, points=40)
         density = _Density.of(fit)
         (low, high), value = density.box[0], fit["near.conductance"]
         fine = math.log(value.value) + value.error / value.value * np.linspace(-8.0, 8.0, 201)
@@ -56,7 +56,7 @@ class TestSamples:
     def test_evidence_prefers_the_structure_that_made_the_log(self, fit: td.Calibration) -> None:
         pytest.importorskip("dynesty")
         short = td.calibrate(case(0.3, 1.0, second=False), log(), ["near.conductance"], scenario=BENCH)
-        words = td.evidence(fit, points=30).against(td.evidence(short, points=30))
+        words = td.inference.evidence(fit, points=30).against(td.inference.evidence(short, points=30))
         assert "over 'Case with one hidden mass'" in words
         assert "strong" in words
 
@@ -64,10 +64,10 @@ class TestSamples:
         pytest.importorskip("emcee")
         pytest.importorskip("dynesty")
         with pytest.raises(IdentificationError, match="samples need a fit made in this session,"):
-            td.posterior(replace(fit, problem=None))
+            td.inference.posterior(replace(fit, problem=None))
         with pytest.raises(IdentificationError, match="samples need the loss 'linear',"):
-            td.posterior(td.calibrate(fit.model, log(), ["near.conductance"], scenario=BENCH, loss="huber"))
+            td.inference.posterior(td.calibrate(fit.model, log(), ["near.conductance"], scenario=BENCH, loss="huber"))
         with pytest.raises(IdentificationError, match="noise of every sensor"):
-            td.evidence(td.calibrate(fit.model, log(noise=None), ["near.conductance"], scenario=BENCH))
+            td.inference.evidence(td.calibrate(fit.model, log(noise=None), ["near.conductance"], scenario=BENCH))
         with pytest.raises(IdentificationError, match="nothing was free"):
-            td.posterior(td.calibrate(fit.model, log(), [], scenario=BENCH))
+            td.inference.posterior(td.calibrate(fit.model, log(), [], scenario=BENCH))

@@ -27,7 +27,7 @@ def example() -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def history(example: ModuleType) -> td.PowerHistory:
+def history(example: ModuleType) -> td.inference.PowerHistory:
     return example.recovered(example.planted()[0])
 
 
@@ -45,7 +45,7 @@ def test_a_regulated_heater_comes_back_to_five_per_cent_in_ten_minutes(example: 
     assert inside > 0.9 * count
 
 
-def test_the_planted_law_is_found_and_leaves_the_noise(history: td.PowerHistory) -> None:
+def test_the_planted_law_is_found_and_leaves_the_noise(history: td.inference.PowerHistory) -> None:
     first, *others = history.laws()
     assert first.name == "proportional"
     gain, error = first.coefficients["gain"]
@@ -58,14 +58,14 @@ def test_the_planted_law_is_found_and_leaves_the_noise(history: td.PowerHistory)
     assert first.model.at("heater").fields["proportional.gain"].text.startswith(f"{gain!r}"[:6])
 
 
-def test_what_it_says(history: td.PowerHistory) -> None:
+def test_what_it_says(history: td.inference.PowerHistory) -> None:
     assert "resolution 7.5" in str(history)
     assert "where it was unknown" in str(history)
     assert history.known.sum() > 10
     assert history.plot().get_ylabel() == "heater [W]"
 
 
-def test_means_over_windows_are_integrals(history: td.PowerHistory) -> None:
+def test_means_over_windows_are_integrals(history: td.inference.PowerHistory) -> None:
     middle, mean, sd = history.averaged("1 [h]")
     fine = np.linspace(middle[4] - 1800.0, middle[4] + 1800.0, 20001)
     assert mean[4] == pytest.approx(np.interp(fine, history.times, history.power).mean(), rel=1e-4)
@@ -97,7 +97,7 @@ AIR = td.Scenario("log", {"air": "20 [degC]"}, start="20 [degC]")
 
 def test_a_radiating_box_is_iterated() -> None:
     power = 2.0 + 1.5 * np.sin(2.0 * np.pi * TIMES / 7200.0)
-    found = td.power_history(BOX, log(power), "q", scenario=AIR)
+    found = td.inference.power_history(BOX, log(power), "q", scenario=AIR)
     error = found.power - np.interp(found.times, TIMES, power)
     assert np.sqrt(np.mean(error[3:-3] ** 2)) < 0.1
     assert np.mean(np.abs(error) < 1.96 * found.sd) > 0.85
@@ -119,7 +119,7 @@ def test_a_switching_power_is_a_walk_and_a_thermostat() -> None:
     run = td.simulate(model, td.Scenario("s", {"air": "20 [degC]"}, start="20 [degC]", duration=float(TIMES[-1])), times=TIMES)
     readings = run["case"].kelvin + 0.02 * np.random.default_rng(2).standard_normal(TIMES.size)
     record = td.Record.from_arrays("log", TIMES, {"T": td.Channel.of("T", readings, role="node", target="case", noise=0.02)})
-    found = td.power_history(model, record, "q", scenario=AIR)
+    found = td.inference.power_history(model, record, "q", scenario=AIR)
     assert found.prior == "walk"
     law = next(law for law in found.laws() if law.name == "thermostat")
     assert law.coefficients["power"][0] == pytest.approx(12.0, abs=1.0)
@@ -152,7 +152,9 @@ def test_a_cooler_is_v_shaped() -> None:
         "T": td.Channel.of("T", readings, role="node", target="case", noise=0.01),
         "ROOM": td.Channel.of("ROOM", room, role="boundary", target="air"),
     }
-    found = td.power_history(model, td.Record.from_arrays("log", TIMES, channels), "q", scenario=td.Scenario("log", start="20 [degC]"))
+    found = td.inference.power_history(
+        model, td.Record.from_arrays("log", TIMES, channels), "q", scenario=td.Scenario("log", start="20 [degC]")
+    )
     law = found.laws()[0]
     assert law.name == "V-shaped"
     assert law.coefficients["turning_point"][0] == pytest.approx(25.0, abs=0.5)
@@ -161,12 +163,12 @@ def test_a_cooler_is_v_shaped() -> None:
 def test_refusals() -> None:
     record = log(np.full(TIMES.size, 2.0))
     with pytest.raises(NameNotFoundError, match="no load 'p' in Box"):
-        td.power_history(BOX, record, "p", scenario=AIR)
+        td.inference.power_history(BOX, record, "p", scenario=AIR)
     with pytest.raises(IdentificationError, match="there is no prior 'smooth'"):
-        td.power_history(BOX, record, "q", scenario=AIR, prior="smooth")
+        td.inference.power_history(BOX, record, "q", scenario=AIR, prior="smooth")
     with pytest.raises(IdentificationError, match="only ratios to the power can be found"):
-        td.power_history(BOX, record, "q", scenario=AIR, free=["skin.emissivity"])
+        td.inference.power_history(BOX, record, "q", scenario=AIR, free=["skin.emissivity"])
     with pytest.raises(IdentificationError, match="no part of a log of 14400 s"):
-        td.power_history(BOX, record, "q", scenario=AIR, known=[("3 [h]", "5 [h]", "2 [W]")])
+        td.inference.power_history(BOX, record, "q", scenario=AIR, known=[("3 [h]", "5 [h]", "2 [W]")])
     with pytest.raises(IdentificationError, match=r"\. Give at least four intervals\."):
-        td.power_history(BOX, record, "q", scenario=AIR, every="2 [h]")
+        td.inference.power_history(BOX, record, "q", scenario=AIR, every="2 [h]")

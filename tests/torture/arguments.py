@@ -59,7 +59,7 @@ CALLS: Final[dict[str, tuple[Callable[[Any], Any], Any]]] = {
         },
     ),
     "Environment": (
-        lambda given: _simulate({"boundaries": {"air": "20 [degC]"}, "duration": "60 [s]", "environment": {"air": td.Environment(**given)}}),
+        lambda given: _simulate({"boundaries": {"air": "20 [degC]"}, "duration": "60 [s]", "environment": {"air": td.network.Environment(**given)}}),
         {"pressure": "0.5 [bar]", "humidity": 0.5, "gas": "air", "gravity": "1 [m/s^2]", "wind": "1 [m/s]", "sealed": False},
     ),
     "environment": (
@@ -93,11 +93,11 @@ CALLS: Final[dict[str, tuple[Callable[[Any], Any], Any]]] = {
     "limits": (lambda given: read_limits(given, "here"), {"box": {"node": "plate", "operating": ["0 [degC]", "50 [degC]"], "loads": ["heater"]}}),
     "limits of a hold": (lambda given: limits_of(given, "here"), {"plate": {"highest": "50 [degC]", "lowest": "0 [degC]"}, "b": "5 [degC]"}),
     "profile_of": (
-        lambda given: td.profile_of("SMC-S-016", "unit thermal cycle", **given).steps,
+        lambda given: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", **given).steps,
         {"level": "acceptance", "cycles": 2, "hot": "60 [degC]", "cold": {"value": "-20 [degC]", "mark": "project"}, "predicted": ["0 [degC]", "40 [degC]"]},
     ),
     "uncertain_runs": (
-        lambda given: td.uncertain_runs(td.model_from_dict(MODEL), td.Scenario("x", boundaries={"air": "20 [degC]"}, duration="60 [s]"), **given),
+        lambda given: td.qualify.uncertain_runs(td.model_from_dict(MODEL), td.Scenario("x", boundaries={"air": "20 [degC]"}, duration="60 [s]"), **given),
         {"spread": {"film.htc": {"sd": "1 [W/(m^2 K)]"}, "air": "1 [K]"}, "n": 8, "seed": 1},
     ),
     "Options": (

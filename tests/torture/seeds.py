@@ -234,7 +234,7 @@ def make(folder: Path) -> None:
     (folder / "unit.fit.json").write_text(json.dumps({"key": "k", "code": "c", "ingredients": {}, "fitted": {"x": 1.0}}), encoding="utf-8")
     (folder / "qualify").mkdir(exist_ok=True)
     plan = project(folder / "qualify", PLAN)
-    lock_plan(td.load_plan(plan))
+    lock_plan(td.qualify.load_plan(plan))
 
 
 def _run_deck(file: Path) -> None:
@@ -252,17 +252,17 @@ def _values(file: Path) -> None:
 
 
 def _profile(file: Path) -> None:
-    profile = td.load_profile(file)
+    profile = td.qualify.load_profile(file)
     _ = profile.steps
     str(profile)
 
 
 def _plan(file: Path) -> None:
-    lock_status(td.load_plan(file))
+    lock_status(td.qualify.load_plan(file))
 
 
 def _lock(file: Path) -> None:
-    lock_status(td.load_plan(file.with_name("plan.toml")))
+    lock_status(td.qualify.load_plan(file.with_name("plan.toml")))
 
 
 def _record(file: Path) -> None:
@@ -270,11 +270,11 @@ def _record(file: Path) -> None:
 
 
 def _weather(file: Path) -> None:
-    str(td.read_weather(file, max_gap="2 [h]"))
+    str(td.site.read_weather(file, max_gap="2 [h]"))
 
 
 def _study(file: Path) -> None:
-    td.load_study(file)
+    td.design.load_study(file)
 
 
 @dataclass(frozen=True)
@@ -306,7 +306,7 @@ KINDS: Final[dict[str, Kind]] = {
     "plan": Kind("qualify/plan.toml", _plan, (("plan", "{}"),)),
     "lock": Kind("qualify/plan.lock.json", _lock, (("plan", "qualify/plan.toml"),)),
     "limits": Kind("limits.toml", load_limits),
-    "hold": Kind("hold.toml", td.load_hold, (("hold", "{}"),)),
+    "hold": Kind("hold.toml", td.qualify.load_hold, (("hold", "{}"),)),
     "profile": Kind("profile.toml", _profile, (("profile", "{}"),)),
     "values": Kind("unit.values.toml", _values, (("simulate", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
     "values by hand": Kind("by_hand.toml", lambda f: None, (("steady", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
@@ -318,7 +318,7 @@ KINDS: Final[dict[str, Kind]] = {
     "packed log": Kind("rig.csv.gz", _record, (("look", "{}"),)),
     "log of a bench": Kind("bench.csv", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
     "weather": Kind("weather.csv", _weather),
-    "trajectory": Kind("flight.csv", td.read_trajectory),
+    "trajectory": Kind("flight.csv", td.site.read_trajectory),
     "deck of SINDA": Kind("net.cc", lambda f: None, (("import", "{}", "--to", "imported", "--force"),)),
     "script": Kind("tune.m", lambda f: read_initfcn(f)),
 }

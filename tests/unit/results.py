@@ -29,49 +29,49 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
     campaign, model = cell.campaign, box(FINISH)
     record = metered(log(model, {HTC: "6 [W/(m^2 K)]"}, {"T": "case"}, samples=31, accuracy=0.2), "heat", 4.0, 0.05)
     fit = td.calibrate(model, record, [HTC, MASS])
-    known = td.Known.of(fit)
-    foreseen, limits = td.foresee(known, HOT), td.Limits("case", "case", (250.0, 350.0))
-    history = td.power_history(
+    known = td.design.Known.of(fit)
+    foreseen, limits = td.design.foresee(known, HOT), td.qualify.Limits("case", "case", (250.0, 350.0))
+    history = td.inference.power_history(
         model, log(model, {}, {"T": "case"}, samples=31), "heat", known=[("0 [h]", "1 [h]", "4 [W]")], every="30 [min]"
     )
-    runs = td.uncertain_runs(model, HOT, fit, n=400, nodes=["case"], every="1 [h]")
+    runs = td.qualify.uncertain_runs(model, HOT, fit, n=400, nodes=["case"], every="1 [h]")
     return {
         "record": record,
         "channel": record["T"],
         "calibration": fit,
-        "identity": next(iter(td.identities(model).values())),
+        "identity": next(iter(td.model.identities(model).values())),
         "campaign": campaign,
         "joint": campaign.joint,
         "verdict": campaign.verdicts[0],
-        "credibility": td.credibility(campaign),
-        "plan of a retune": td.plan_retune(campaign, "box", cell.folder / "cool.toml"),
+        "credibility": td.explain.credibility(campaign),
+        "plan of a retune": td.design.plan_retune(campaign, "box", cell.folder / "cool.toml"),
         "prediction": td.predict(fit, HOT),
-        "spread": td.Spread.of(fit.values),
-        "discrepancy": td.discrepancy(fit),
+        "spread": td.design.Spread.of(fit.values),
+        "discrepancy": td.explain.discrepancy(fit),
         "identifiability": td.identifiability(fit),
-        "profile": td.profile(fit, HTC),
-        "valley": td.valley(fit, HTC, MASS, points=5),
-        "criticism": td.criticise(fit, elements=False),
-        "plausibility": td.plausibility(fit),
-        "balance": td.energy_balance(fit, record, "3 [h]", limit="100 [K/h]"),
-        "split": td.split(fit),
+        "profile": td.inference.profile(fit, HTC),
+        "valley": td.inference.valley(fit, HTC, MASS, points=5),
+        "criticism": td.explain.criticise(fit, elements=False),
+        "plausibility": td.explain.plausibility(fit),
+        "balance": td.explain.energy_balance(fit, record, "3 [h]", limit="100 [K/h]"),
+        "split": td.explain.split(fit),
         "known": known,
         "foresight": foreseen,
         "limits": limits,
-        "margin": td.margins({"hot": foreseen}, [limits])[0],
-        "aim": td.Aim(HOT, "case"),
-        "action": td.Action("hot", HOT),
-        "advice": td.next_test(fit, HTC, [td.Action("hot", HOT)]),
+        "margin": td.qualify.margins({"hot": foreseen}, [limits])[0],
+        "aim": td.design.Aim(HOT, "case"),
+        "action": td.design.Action("hot", HOT),
+        "advice": td.design.next_test(fit, HTC, [td.design.Action("hot", HOT)]),
         "history": history,
         "law of a power": history.laws()[0],
-        "difference": td.difference(model, box(), HOT),
+        "difference": td.explain.difference(model, box(), HOT),
         "uncertain runs": runs,
-        "hold": td.hold(runs, {"case": "60 [degC]"}),
+        "hold": td.qualify.hold(runs, {"case": "60 [degC]"}),
         "criteria": td.Criteria(rmse="1 [K]"),
-        "forecast": td.forecast(log(model, {}, {"T": "case"}, samples=121), within="5 [K]"),
-        "stability": td.stability(record, "3 C/h"),
-        "diagnosis": td.diagnose(_compared()),
-        "correlation": td.correlate(_compared(), ["ECSS"], steady={"bench": [(14400.0, 18000.0)]}),
+        "forecast": td.bench.forecast(log(model, {}, {"T": "case"}, samples=121), within="5 [K]"),
+        "stability": td.bench.stability(record, "3 C/h"),
+        "diagnosis": td.explain.diagnose(_compared()),
+        "correlation": td.qualify.correlate(_compared(), ["ECSS"], steady={"bench": [(14400.0, 18000.0)]}),
     }
 
 
@@ -82,9 +82,9 @@ def that_take_longer() -> dict[str, Any]:
     meter = td.Record.from_arrays("meter", times[:-9], {"P": td.Channel.of("P", power[:-9], quantity="power", role="load", target="heat")})
     warm = log(model, {}, {"T": "case"}, samples=121, loads={"heat": TableSignal(times, power, True)})
     return {
-        "alignment": td.align(model, warm, meter, offset=(-600.0, 600.0), scenario=td.Scenario("air", start="measured")),
-        "posterior": td.posterior(td.calibrate(model, log(model, {}, {"T": "case"}, samples=31), [HTC]), steps=20, walkers=16),
-        "equations": td.equations(unit()),
+        "alignment": td.inference.align(model, warm, meter, offset=(-600.0, 600.0), scenario=td.Scenario("air", start="measured")),
+        "posterior": td.inference.posterior(td.calibrate(model, log(model, {}, {"T": "case"}, samples=31), [HTC]), steps=20, walkers=16),
+        "equations": td.interop.equations(unit()),
     }
 
 
@@ -118,12 +118,12 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "all", "air", htc="20 [W/(m^2 K)]"
     )
     warm = td.Scenario("warm", boundaries={"air": "40 [degC]"}, start="20 [degC]", duration="10 [min]")
-    profile = td.profile_of("SMC-S-016", "unit thermal cycle", predicted=("-10 [degC]", "40 [degC]"), cycles=1)
-    plan = td.load_plan(project(folder))
+    profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=("-10 [degC]", "40 [degC]"), cycles=1)
+    plan = td.qualify.load_plan(project(folder))
     simulator = td.prepare(model, HOT, [HTC])
     return {
         "model": model,
-        "network": td.compile_network(chamber),
+        "network": td.network.compile_network(chamber),
         "enclosure": td.simulate(chamber, warm),
         "scenario": HOT,
         "block": block,
@@ -133,26 +133,26 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "steady": td.steady(model, HOT),
         "look": td.look(_written(folder / "seen.csv")),
         "ensemble": td.ensemble(model, HOT, {HTC: np.array([4.0, 6.0])}),
-        "environment": td.Environment(),
-        "radiation": td.Irradiation(total="300 [W/m^2]"),
-        "sky": td.OpenSky(*[np.array([0.0, 60.0])] * 7, air="air"),
-        "ascent": td.ascent_checks(td.ascent_scenario(pressure=FALL, air_temperature="20 [degC]", duration="1 [min]"))[0],
-        "trajectory": td.Trajectory(np.array([0.0, 60.0]), np.array([0.0, 5e3])),
-        "volume": td.Volume("2 [l]", humidity=0.5),
-        "moisture": td.moisture(box({"surfaces/skin/effective_htc": "6 [W/(m^2 K)]"}), HOT, {"air": 0.3}),
+        "environment": td.network.Environment(),
+        "radiation": td.network.Irradiation(total="300 [W/m^2]"),
+        "sky": td.site.OpenSky(*[np.array([0.0, 60.0])] * 7, air="air"),
+        "ascent": td.site.ascent_checks(td.site.ascent_scenario(pressure=FALL, air_temperature="20 [degC]", duration="1 [min]"))[0],
+        "trajectory": td.site.Trajectory(np.array([0.0, 60.0]), np.array([0.0, 5e3])),
+        "volume": td.site.Volume("2 [l]", humidity=0.5),
+        "moisture": td.site.moisture(box({"surfaces/skin/effective_htc": "6 [W/(m^2 K)]"}), HOT, {"air": 0.3}),
         "profile": profile,
-        "run of a profile": td.run_profile(unit(), profile),
-        "reduction": td.reduce(unit(), soak(), nodes=2, keep=["proc"]),
+        "run of a profile": td.qualify.run_profile(unit(), profile),
+        "reduction": td.qualify.reduce(unit(), soak(), nodes=2, keep=["proc"]),
         "plan": plan,
-        "qualification": td.run_plan(plan),
-        "structure": td.Structure("plain", "two", 4, 900.0, 40.0, 30.0, {"T": 0.5}, {"T": {"a": 0.9}}),
-        "htc": td.compare_htc(2.0, 0.1, "36 [degC]", "24 [degC]", 0.025),
-        "script": td.read_initfcn("L = 25; % [mm]\n"),
+        "qualification": td.qualify.run_plan(plan),
+        "structure": td.reporting.Structure("plain", "two", 4, 900.0, 40.0, 30.0, {"T": 0.5}, {"T": {"a": 0.9}}),
+        "htc": td.explain.compare_htc(2.0, 0.1, "36 [degC]", "24 [degC]", 0.025),
+        "script": td.interop.read_initfcn("L = 25; % [mm]\n"),
         "options": td.Options(),
-        "site": td.Site(10.0, 20.0),
-        "certificate": td.SensorCertificate(0.1, 0.02),
-        "part": td.SensorPart(lag=20.0),
-        "weather": td.Weather("w", None, {}, {}),
+        "site": td.site.Site(10.0, 20.0),
+        "certificate": td.bench.SensorCertificate(0.1, 0.02),
+        "part": td.bench.SensorPart(lag=20.0),
+        "weather": td.site.Weather("w", None, {}, {}),
         "criteria": td.Criteria("ours", each=1.0, kinds=("steady",)),
     }
 
@@ -185,7 +185,7 @@ def numbers(result: object) -> str:
 
     take(result)
     for name in ("temperatures", "heat_flows", "load_powers", "time_constants", "warnings", "final_field"):
-        if isinstance(result, td.Ensemble | td.UncertainRuns | td.BlockSolution) and name != "temperatures":
+        if isinstance(result, td.simulation.Ensemble | td.qualify.UncertainRuns | td.simulation.BlockSolution) and name != "temperatures":
             continue
         if not callable(getattr(type(result), name, None)):
             take(getattr(result, name, None))
@@ -193,7 +193,7 @@ def numbers(result: object) -> str:
         take(result.problem.residuals(np.array(list(result.fitted.values()))) if result.problem else None)
         take([b.predicted for b in result.blocks])
         take(td.predict(result, HOT).final["case"].error if result.model.needs == ("air",) else None)
-    if isinstance(result, td.Simulator):
+    if isinstance(result, td.simulation.Simulator):
         take(result.run({HTC: 4.5})["case"].kelvin)
     if isinstance(result, td.Solution):
         take([result.slopes(n) for n in result.nodes] if result.free else None)

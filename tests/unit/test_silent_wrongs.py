@@ -306,8 +306,8 @@ def host(**source: str) -> td.Model:
 def test_a_table_without_a_source_is_no_macro_model() -> None:
     """Tables were not asked for their source, and did not count among the assumed values."""
     with pytest.raises(DeckError, match=r"one value of the host has no source: 'strap.table'.*source and basis beside the points"):
-        td.macro_model(host())
-    made = td.macro_model(host(source="assumed", basis="a guess"))
+        td.qualify.macro_model(host())
+    made = td.qualify.macro_model(host(source="assumed", basis="a guess"))
     assert assumed(made) == ("strap.table",)
     tables = [v for v in host_values(made) if "table" in v.text]
     assert {v.path: v.source for v in tables} == {
@@ -326,7 +326,7 @@ def test_the_source_of_a_table_is_saved_with_it(tmp_path: Path) -> None:
     assert to_dict(again)["conductors"] == to_dict(made)["conductors"]
     assert again.conductors["strap"].curve == made.conductors["strap"].curve
     assert again.conductors["strap"].curve != host().conductors["strap"].curve
-    shape = td.law(lambda t: 0.1 + 0.0 * t, between=(200.0, 400.0), source="published", basis="a book")
+    shape = td.model.law(lambda t: 0.1 + 0.0 * t, between=(200.0, 400.0), source="published", basis="a book")
     assert (shape.source, shape.basis) == ("published", "a book")
 
 

@@ -19,12 +19,12 @@ POINTS = ("FOG_x", "FOG_y", "PrS", "EleG", "Acc_x", "disk", "base")
 
 def macro() -> td.Model:
     """Return the macro model with the unit as the document has it; every value of the host has a source."""
-    return td.macro_model(HERE / "macro.toml")
+    return td.qualify.macro_model(HERE / "macro.toml")
 
 
 def flight() -> td.Model:
     """Return the macro model with a unit whose convection and radiation are apart."""
-    return td.macro_model(macro(), unit=td.load_model(HERE.parent / "qualification" / "decks" / "m_Sd.toml"))
+    return td.qualify.macro_model(macro(), unit=td.load_model(HERE.parent / "qualification" / "decks" / "m_Sd.toml"))
 
 
 def runs() -> dict[str, td.Solution]:
@@ -34,6 +34,6 @@ def runs() -> dict[str, td.Solution]:
 
 
 if __name__ == "__main__":
-    print(f"demonstration, {len(td.assumed(macro()))} assumed parameters")
+    print(f"demonstration, {len(td.qualify.assumed(macro()))} assumed parameters")
     for run in runs().values():
         print(f"{run.scenario}: " + ", ".join(f"{p} {run[p].kelvin.min() - 273.15:.1f} to {run[p].highest:.1f}" for p in POINTS) + " degC")

@@ -58,7 +58,7 @@ def logs() -> None:
     from thermid.qualify.trial import run_test
 
     plan = load_plan(HERE / "plan.toml")
-    hidden = td.macro_model(HERE / "fixture.toml", unit=laboratory.World.make().models["m_Sd"])
+    hidden = td.qualify.macro_model(HERE / "fixture.toml", unit=laboratory.World.make().models["m_Sd"])
     sensors = laboratory.TESTS["sd_all"].sensors
     (HERE / "readings").mkdir(exist_ok=True)
     for k, (test, name) in enumerate(RECORDS.items()):

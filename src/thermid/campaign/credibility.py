@@ -16,6 +16,7 @@ from thermid.files import CREDIBILITY, write_text
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
 from thermid.model.tree.tree import ParameterSet
+from thermid.results import Result
 from thermid.units import NAMES, from_si, unit
 
 
@@ -53,7 +54,7 @@ class ValueRecord:
 
 
 @dataclass(frozen=True)
-class CredibilityRecord(Mapping[str, ValueRecord]):
+class CredibilityRecord(Result, Mapping[str, ValueRecord]):
     """What every value of a campaign's uppermost model rests on.
 
     Parameters

@@ -33,6 +33,7 @@ from thermid.model.tree.replacement import PlaceStart, Replacement, short_text, 
 from thermid.model.tree.tree import ParameterSet
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 
@@ -99,7 +100,7 @@ class StagePlan:
 
 
 @dataclass(frozen=True, eq=False)
-class RetunePlan:
+class RetunePlan(Result):
     """What replacing a part costs, before any test.
 
     Parameters

@@ -32,8 +32,10 @@ from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.power.courses import SHAPES, recovered
+from thermid.results import Result, Row
 from thermid.simulation.scenarios.scenario import STEADY, Scenario
 from thermid.toml_files import resolve_inside
+from thermid.units import counted
 
 if TYPE_CHECKING:
     from thermid.campaign.schema import InheritTable, StageTable, VerdictTable
@@ -230,7 +232,7 @@ def _apart(start: float, end: float, log: Record, records: tuple[Record, ...], w
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class Campaign(Result):
     """The result of a campaign.
 
     Parameters
@@ -335,6 +337,22 @@ class Campaign:
             command = next_command(self.file, found, self.mistakes[name])
             parts.append(f"{found}\n  next: {command}" if command else str(found))
         return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
+
+    def _summary(self) -> str:
+        """Return title, standing, and how many verdicts passed."""
+        said = (
+            f", {sum(v.passed is True for v in self.verdicts)} of {counted(len(self.verdicts), 'verdict')} passed" if self.verdicts else ""
+        )
+        return f"{self.title}: {self.standing.state}, {counted(len(self.stages), 'stage')}{said}"
+
+    def _as_rows(self) -> list[Row]:
+        """Return the stages with their standing and the sensor that is met worst."""
+        out: list[Row] = []
+        for name, c in self.stages.items():
+            worst = max(c.sensors.items(), key=lambda item: item[1].rmse, default=None)
+            found = {"worst_sensor": worst[0], "rmse_K": worst[1].rmse} if worst is not None else {}
+            out.append({"stage": name, "state": c.standing.state, **found, "values": len(c.values.parameters)})
+        return out
 
 
 @takes_objects

@@ -228,7 +228,7 @@ COMMANDS = {
     "export": Place(
         "exchange.export",
         "Exchange",
-        "Write a model for Octave, MATLAB, C, Modelica, SPICE, SINDA or ESATAN.",
+        "Write a model as C, Modelica, FMI, Octave, SPICE, SINDA, ESATAN.",
         ("thermid export box.toml --as spice --scenario hot.toml --to box.cir",),
         "symbolic",
     ),

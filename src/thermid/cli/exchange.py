@@ -34,13 +34,13 @@ from thermid.cli.screen import show
 from thermid.errors import DeckError, OutputError, refuse_unknown
 from thermid.extensions import require
 from thermid.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
-from thermid.interop import equations as derive
 from thermid.interop.c99 import to_c
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
 from thermid.interop.decks.sinda import read_sinda
 from thermid.interop.decks.written import to_esatan, to_sinda
+from thermid.interop.equations import equations as derived
 from thermid.interop.fmu.export import to_fmu
 from thermid.interop.initfcn import read_initfcn
 from thermid.interop.modelica import to_modelica
@@ -209,7 +209,7 @@ def export(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a model for Octave, MATLAB, C, Modelica, SPICE, SINDA, ESATAN, or as an FMU.
+    """Write a model as C, Modelica, FMI, Octave, SPICE, SINDA, ESATAN.
 
     The scenario is written with it. What the format cannot say is refused.
     """
@@ -266,6 +266,6 @@ def equations(
     require("symbolic", "thermid equations")
     forms = ("text", "latex", "python", "octave")
     refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
-    system = derive.equations(load_model(deck), pairs(name, "--name"))
+    system = derived(load_model(deck), pairs(name, "--name"))
     text = f"{system}\n" if form == "text" else str(getattr(system, form)())
     _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))

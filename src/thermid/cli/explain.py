@@ -12,7 +12,7 @@ from thermid.cli.options import CampaignPath, Data, Json, Results, leave, pairs,
 from thermid.cli.screen import working
 from thermid.errors import NameNotFoundError, nearest
 from thermid.explain import criticism
-from thermid.explain import plausibility as ranges
+from thermid.explain.plausibility import plausibility as ranges_of
 from thermid.fit.calibration import Calibration
 from thermid.model.parts.parameter import worst
 
@@ -77,6 +77,6 @@ def plausibility(
     """
     weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
     fits = _fits(campaign, stage, data, results)
-    found = {name: ranges.plausibility(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
+    found = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
     say(as_json, {"stages": {n: p.to_dict() for n, p in found.items()}}, "\n\n".join(map(str, found.values())))
     leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in found.values()) else 1)

@@ -37,7 +37,8 @@ from thermid.model.deck.modelfile import load_model
 from thermid.profile_runs.conduct import run_profile
 from thermid.profiles.profile import ThermalProfile, typed
 from thermid.profiles.standards import load_profile, profile_names, profile_of
-from thermid.qualify import deliver as delivery
+from thermid.qualify.deliver import check_delivery
+from thermid.qualify.deliver import deliver as write_delivery
 from thermid.qualify.plan import load_plan, lock_plan, lock_status
 from thermid.qualify.programme import run_plan
 from thermid.qualify.trial import pre_test
@@ -179,7 +180,7 @@ def deliver(
     The delivery is checked from its folder; --check repeats that on a folder that was received.
     """
     if check:
-        met = delivery.check_delivery(deck)
+        met = check_delivery(deck)
         say(as_json, {"met_K": met}, f"{deck.name}: as delivered, {counted(len(met), 'scenario')} met")
         return
     if to is None:
@@ -193,7 +194,7 @@ def deliver(
         model = laid.model
         values_laid.append(laid.values)
     standing = model_standing(model).accept(accept or ())
-    target = delivery.deliver(model, scenario, to, values=values_laid, nodes=nodes or None, within=within or None, at=at)
+    target = write_delivery(model, scenario, to, values=values_laid, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))
     mark = f" ({record['watermark']})" if record["watermark"] else ""
     runs = counted(len(record["runs"]), "scenario")

@@ -26,8 +26,8 @@ from thermid.cli.options import (
 from thermid.knowledge.store import model_standing
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ICE_POINT
-from thermid.site import moisture as water
 from thermid.site.moisture import Moisture
+from thermid.site.moisture import moisture as moist_run
 from thermid.toml_files import read_toml
 
 
@@ -56,7 +56,7 @@ def moisture(
         gas: conditions.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table
     }
     known |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
-    answer = water.moisture(model, conditions, known, every=with_unit(every, "s"))
+    answer = moist_run(model, conditions, known, every=with_unit(every, "s"))
     say(as_json, {**_object(answer), "standing": standing.to_dict()}, standing.over(str(answer)))
     leave(standing)
 

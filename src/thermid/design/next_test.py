@@ -34,6 +34,7 @@ from thermid.physics.finishes import finish
 from thermid.prediction.budget import CONSTANT, MISFIT, Budget, budget_of
 from thermid.prediction.known import Known, Rows, instruments_of, rows_of
 from thermid.prediction.setting import Setting
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.simulator import network_for
 
@@ -169,7 +170,7 @@ class Option:
 
 
 @dataclass(frozen=True, eq=False)
-class Advice:
+class Advice(Result):
     """What to test next.
 
     Parameters

@@ -122,7 +122,8 @@ class Dynamics:
             )
         if self.experiment.ticks is not None:
             raise IdentificationError(
-                "the offset of a second clock is not known, which is not supported with process noise. Find it with td.align first.", where
+                "the offset of a second clock is not known, which is not supported with process noise. Call td.inference.align first.",
+                where,
             )
         if self.engine.many:
             raise IdentificationError(

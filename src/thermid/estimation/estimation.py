@@ -15,6 +15,7 @@ from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure.amounts import duration_text, short
 from thermid.model.tree.model import Model
+from thermid.results import Result
 from thermid.units import from_si
 
 PROCESS, OUTPUT = "process noise", "output error"
@@ -108,7 +109,7 @@ class States:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimation:
+class Estimation(Result):
     """Values by maximum likelihood with process noise, beside output error.
 
     Parameters

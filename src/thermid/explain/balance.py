@@ -20,6 +20,7 @@ from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.network.controls import refuse_controllers
 from thermid.physics.constants import ICE_POINT
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.wiring import Wiring
@@ -27,7 +28,7 @@ from thermid.simulation.steady import steady
 
 
 @dataclass(frozen=True, eq=False)
-class EnergyBalance:
+class EnergyBalance(Result):
     """Where the heat of a measured case goes, by the conductances of a model.
 
     Parameters

@@ -17,6 +17,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
+from thermid.results import Result
 from thermid.simulation.transient import simulate
 
 STRONG, POSSIBLE = 10.0, 2.0
@@ -210,7 +211,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False)
-class Criticism:
+class Criticism(Result):
     """What speaks against a model.
 
     Parameters

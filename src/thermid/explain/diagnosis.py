@@ -14,6 +14,7 @@ from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import GROUPS, Fault, faults_of
 from thermid.fit.calibration import Calibration
 from thermid.linear_algebra import Array
+from thermid.results import Result
 from thermid.simulation.simulator import Simulator, prepare
 
 BINS = 24
@@ -176,7 +177,7 @@ class Suspect:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Result):
     """What would explain the deviations.
 
     Parameters

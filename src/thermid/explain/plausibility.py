@@ -23,6 +23,7 @@ from thermid.physics.air import dry_air
 from thermid.physics.materials import MATERIALS
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
+from thermid.results import Result
 from thermid.simulation.transient import simulate
 
 CORRELATION = 1.5
@@ -82,7 +83,7 @@ class RangeCheck:
 
 
 @dataclass(frozen=True, eq=False)
-class Plausibility:
+class Plausibility(Result):
     """What is physical of a fit.
 
     Parameters
@@ -130,6 +131,10 @@ class Plausibility:
         lines += [f"  {words}" for words in self.undecided]
         return "\n".join(lines)
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the values."""
+        return [str(row["path"]) for row in self._as_rows() if "path" in row]
+
 
 @takes_objects
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
@@ -169,7 +174,7 @@ def _undecided(v: FittedValue) -> str:
     shown = f"{v.path} = {short(v.in_unit)} +- {short(v.error * v.in_unit / v.value if v.value else v.error)} {v.unit}"
     return (
         f"{shown}: not determined, because its 95 % interval includes zero. Fix it, give it a prior, or plan a better test with "
-        "td.next_test."
+        "td.design.next_test."
     )
 
 

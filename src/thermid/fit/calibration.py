@@ -23,7 +23,9 @@ from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table
+from thermid.physics.constants import ICE_POINT
 from thermid.renamed import Renamed
+from thermid.results import PlottedTrace, Result, Row
 from thermid.units import counted, from_si, unit
 
 LOUD = "NOT CREDIBLE: "
@@ -110,7 +112,7 @@ class Local:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration(Renamed):
+class Calibration(Renamed, Result):
     """The result of a fit; it changed nothing.
 
     Parameters
@@ -293,6 +295,35 @@ class Calibration(Renamed):
         lines += [f"  search: {self.search}"] if self.search else []
         lines += [f"  warning: {w}" for w in self.warnings if not w.startswith((LOUD, FIRST))]
         return "\n".join(lines)
+
+    _frame_of_rows = True
+
+    def _summary(self) -> str:
+        """Return stage, standing, and the sensor that is met worst."""
+        worst = max(self.sensors.items(), key=lambda item: item[1].rmse, default=None)
+        said = f", worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else ""
+        kind = ", synthetic data" if self.synthetic else ""
+        return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{said}{kind}"
+
+    def _as_rows(self) -> list[Row]:
+        """Return the fitted values with their standard errors, in their units."""
+        return [
+            {"path": v.path, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit, "start": v.converted(v.start), "kind": v.kind}
+            for v in self.values.values()
+        ]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return measured readings of every sensor as points, and what the model says of them."""
+        out = []
+        for b in self.blocks:
+            name = f"{b.sensor}, {b.record}" if len(self.records) > 1 else b.sensor
+            out.append(PlottedTrace(f"{name} measured", b.times, b.measured - ICE_POINT, measured=True))
+            out.append(PlottedTrace(f"{name} simulated", b.times, b.predicted - ICE_POINT))
+        return out
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the paths of the fitted values."""
+        return list(self.values)
 
 
 def _value_line(v: FittedValue, width: int) -> str:

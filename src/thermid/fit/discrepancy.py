@@ -34,6 +34,7 @@ from thermid.network.medium import Media
 from thermid.network.network import Network
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.gas import GASES, REFERENCE
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.problem import Options, Traces
@@ -309,7 +310,7 @@ ALIKE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Discrepancy:
+class Discrepancy(Result):
     """What a fit leaves open in its model's structure; kept with its values, so that a file says what the fit does.
 
     Parameters

@@ -27,6 +27,7 @@ from thermid.model.parts.elements import HeatLoad
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted, from_si
 
@@ -201,7 +202,7 @@ def cause(unknown: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability:
+class Identifiability(Result):
     """What readings tell of parameters.
 
     Parameters
@@ -300,6 +301,10 @@ class Identifiability:
         elif not self.groups:
             lines.append("  All parameters can be separated.")
         return "\n".join(lines)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the parameters."""
+        return [str(row["name"]) for row in self._as_rows() if "name" in row]
 
 
 @takes_objects

@@ -16,13 +16,14 @@ from thermid.fit.minimisation import box_of, package
 from thermid.fit.problem.residuals import Compressed, Problem, wanders
 from thermid.fit.problem.unknowns import Unknown
 from thermid.linear_algebra import Array, covariance
+from thermid.results import Result, Row
 
 ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior:
+class Posterior(Result):
     """Values that the data and the priors allow, as often as they allow them.
 
     Parameters
@@ -68,6 +69,13 @@ class Posterior:
                 f"{value - 1.96 * error:.5g} .. {value + 1.96 * error:.5g})"
             )
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+    def _as_rows(self) -> list[Row]:
+        """Return every parameter with mean, standard deviation and 95 % interval. [SI]"""
+        return [
+            {"path": p, "mean": float(d.mean()), "error": float(d.std()), "low": self.interval(p)[0], "high": self.interval(p)[1]}
+            for p, d in self.draws.items()
+        ]
 
 
 @takes_objects
@@ -118,7 +126,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class Evidence(Result):
     """How well a structure explains the data before its parameters were known, each parameter paid for.
 
     Parameters
@@ -148,7 +156,7 @@ class Evidence:
         if better.doubts:
             return (
                 f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.doubts[0]}. Compare them on a "
-                "hold-out record, or look for physics that both lack with td.criticise."
+                "hold-out record, or look for physics that both lack with td.explain.criticise."
             )
         size, doubt = abs(far), math.hypot(self.error, other.error)
         scale = "negligible" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"

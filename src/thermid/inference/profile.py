@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from thermid.fit.problem.residuals import Compressed, Problem
 from thermid.fit.problem.unknowns import Unknown
 from thermid.inference.identifiability import Identifiability
 from thermid.linear_algebra import Array, covariance
+from thermid.results import PlottedTrace, Result
 from thermid.units import from_si
 
 MOST_STEPS, FIRST, FARTHEST = 14, 0.7, 7.0
@@ -64,7 +66,7 @@ class Held(Problem):
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class Profile(Result):
     """How far a parameter can go before the readings object.
 
     Parameters
@@ -116,6 +118,15 @@ class Profile:
                 text += f"; no {side} limit down to {to}" if side == "lower" else f"; no {side} limit up to {to}"
         plain = [self.shown(self.best + side * self.threshold**0.5 * self.error) for side in (-1.0, 1.0)]
         return f"{text}. By the standard error alone: {plain[0]} to {plain[1]}."
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the growth of the sum of squares, and the growth at the ends of the interval."""
+        x = np.asarray([from_si(float(v), self.unit) for v in self.values])
+        return [PlottedTrace("growth", x, self.rise), PlottedTrace(f"{100 * self.level:g} %", x, np.full(x.size, self.threshold))]
+
+    @property
+    def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
+        return (f"{self.path} [{self.unit}]", "growth of the weighted sum of squares [-]")
 
 
 def asked(fit: Calibration, path: str) -> tuple[Problem, int]:
@@ -257,7 +268,7 @@ GRID = 25
 
 
 @dataclass(frozen=True, eq=False)
-class Valley:
+class Valley(Result):
     """The weighted sum of squares over two parameters, all others adjusting themselves.
 
     Parameters
@@ -282,6 +293,20 @@ class Valley:
     bounds: tuple[tuple[float, float], tuple[float, float]]
     logs: tuple[bool, bool]
     fitted: bool = True
+
+    def _summary(self) -> str:
+        """Return the two parameters and where the best lies."""
+        best = ", ".join(f"{n} = {from_si(v, u):.4g} {u}" for n, v, u in zip(self.names, self.best, self.units, strict=True))
+        return f"{self.names[0]} against {self.names[1]}; best {best}"
+
+    @property
+    def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
+        return (f"{self.names[0]} [{self.units[0]}]", f"{self.names[1]} [{self.units[1]}]")
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the valley: for each value of the first the best of the second."""
+        x, y = (np.asarray([from_si(float(v), u) for v in self.along[:, k]]) for k, u in enumerate(self.units))
+        return [PlottedTrace("best of the second", x, y)]
 
 
 @takes_objects

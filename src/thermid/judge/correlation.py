@@ -23,6 +23,7 @@ from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
 from thermid.measure.record.channel import gap_from, usual_step
 from thermid.model.parts.parameter import UNJUDGED, Standing
+from thermid.results import Result, Row
 from thermid.sourced import VERDICTS, weigh
 
 Window = tuple[float, float]
@@ -153,7 +154,7 @@ class Exclusions:
 
 
 @dataclass(frozen=True, eq=False)
-class Correlation:
+class Correlation(Result):
     """Readings beside a simulation.
 
     Parameters
@@ -217,6 +218,11 @@ class Correlation:
             lines.append(f"  {name}: {VERDICTS[passed]}")
             lines += [f"    {g}" for g in self.gates if g.criteria == name]
         return self.standing.over("\n".join(lines))
+
+    def _as_rows(self) -> list[Row]:
+        """Return every sensor of every case with its deviations. [K]"""
+        sizes = ("mean", "spread", "largest", "rmse")
+        return [{"sensor": d.sensor, "case": d.case, "kind": d.kind, **{f"{k}_K": d[k] for k in sizes}} for d in self.deviations]
 
 
 @takes_objects

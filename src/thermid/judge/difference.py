@@ -11,6 +11,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.judge.metrics import Residuals, rmse
 from thermid.model.tree.model import Model
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
@@ -26,7 +27,7 @@ class Apart:
 
 
 @dataclass(frozen=True)
-class Difference:
+class Difference(Result):
     """The difference of two versions of a model.
 
     Parameters

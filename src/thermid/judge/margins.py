@@ -17,6 +17,7 @@ from thermid.judge.limits import Limits, times_in_state
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.predict import Foresight
+from thermid.results import Result
 from thermid.sourced import Figure, weakest
 
 SMC = "SMC-S-016"
@@ -77,7 +78,7 @@ def flat_margin(kelvin: float, tested: bool) -> Figure:
 
 
 @dataclass(frozen=True)
-class Margin:
+class Margin(Result):
     """One reference point on one side: the run and instant that come nearest to its limit, and what is added up there.
 
     Parameters

@@ -25,6 +25,7 @@ from thermid.measure import Record
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.prediction.records import RecordPrediction, record_bands, record_request
+from thermid.results import PlottedTrace, Result, Row
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.sourced import VERDICTS, weigh
 from thermid.toml_files import read_json
@@ -93,7 +94,7 @@ def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Verdict(Result):
     """Whether a model is good enough for its intended use, on data that no fit has seen.
 
     Parameters
@@ -159,6 +160,18 @@ class Verdict:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
         lines += [f"  {line}" for line in self.bands.lines] if self.bands is not None else []
         return "\n".join(lines)
+
+    _frame_of_rows = True
+
+    def _as_rows(self) -> list[Row]:
+        """Return the criteria."""
+        return [
+            {"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in self.checks
+        ]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return measured and predicted readings."""
+        return self.prediction._as_traces() if self.prediction is not None else ()
 
 
 @takes_objects

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from thermid.monte_carlo.uncertain import Progress, UncertainRuns, uncertain_run
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.budget import MISFIT
 from thermid.reduction.macro import macro_model
+from thermid.results import PlottedTrace, Result
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.extremes import MemberTurnings
@@ -144,7 +145,7 @@ class HoldPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Hold:
+class Hold(Result):
     """How long all limits are kept.
 
     Parameters
@@ -258,6 +259,16 @@ class Hold:
             "left_out": [{"what": x.what, "kelvin": x.kelvin if math.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
         }
+
+    _axes_titles = ("time [s]", "probability of passing the limit [-]")
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return how likely each limit is passed by then."""
+        return [PlottedTrace(p.name, self.times, p.exceedance) for p in self.points]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names of the limits."""
+        return [p.name for p in self.points]
 
 
 @takes_objects

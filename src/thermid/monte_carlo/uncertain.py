@@ -27,6 +27,7 @@ from thermid.prediction.budget import Budget, Spread, assumed_left_out, budget_o
 from thermid.prediction.known import known_of
 from thermid.prediction.setting import Setting
 from thermid.reduction.macro import assumed
+from thermid.results import PlottedTrace, Result
 from thermid.simulation.scenarios.scenario import SLOTS, Scenario
 from thermid.simulation.simulator import output_times
 from thermid.simulation.solver.extremes import MemberTurnings
@@ -131,7 +132,7 @@ MOST_MEMBERS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class UncertainRuns:
+class UncertainRuns(Result):
     """Runs of many members, each with values and surroundings of its own.
 
     Parameters
@@ -252,6 +253,12 @@ class UncertainRuns:
         if self.assumed:
             lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the median of every node, and where 95 % of the members lie."""
+        shares = (0.5, 0.025, 0.975)
+        found = [(n, [self.quantile(n, share) - ICE_POINT for share in shares]) for n in self.nodes]
+        return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in found]
 
 
 @takes_objects

@@ -22,6 +22,7 @@ from thermid.physics.plates import (
     vertical_plate_htc_all,
 )
 from thermid.physics.radiation import linearised_htc
+from thermid.results import Result
 from thermid.units import TEMPERATURE, require_unit
 
 LAMINAR_LIMIT = 1e9
@@ -76,7 +77,7 @@ class Settling:
 
 
 @dataclass(frozen=True)
-class HtcComparison:
+class HtcComparison(Result):
     """The effective and the theoretical coefficient of a part, side by side.
 
     Parameters

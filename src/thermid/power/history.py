@@ -27,6 +27,7 @@ from thermid.model.parts.elements import HeatLoad
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
+from thermid.results import PlottedTrace, Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.units import unit
@@ -38,7 +39,7 @@ Formula = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class PowerHistory:
+class PowerHistory(Result):
     """The power of a load, recovered from temperatures.
 
     Parameters
@@ -146,6 +147,12 @@ class PowerHistory:
         axes.set_ylabel(f"{self.load} [W]")
         axes.legend(frameon=False)
         return axes
+
+    _axes_titles = ("time [s]", "power [W]")
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the power with its 95 % band."""
+        return [PlottedTrace(self.load, self.times, self.power, self.power - 1.96 * self.sd, self.power + 1.96 * self.sd)]
 
 
 @dataclass(frozen=True, eq=False)

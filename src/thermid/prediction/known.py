@@ -17,10 +17,11 @@ from thermid.knowledge.values import FittedValue, FittedValues, as_store
 from thermid.linear_algebra import Array, square_root
 from thermid.model.parts.parameter import Standing, worst
 from thermid.model.tree.model import Model
+from thermid.results import Result, Row
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class Known(Result):
     """A model with what is known of its values.
 
     Parameters
@@ -85,6 +86,16 @@ class Known:
     def assigned(self) -> tuple[str, ...]:
         """Every parameter of the model that a fit gave its value."""
         return tuple(p for s in self.stores for state in s.parameters.values() for p in state.acts)
+
+    def _as_rows(self) -> list[Row]:
+        """Return the fitted values with their standard errors, in their units."""
+        return [
+            {"path": v.path, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit} for one in self.values for v in one.values()
+        ]
+
+    def _summary(self) -> str:
+        """Return the model's title and how many values are known."""
+        return f"{self.model.title}, {sum(map(len, self.values))} fitted values{', synthetic data' if self.synthetic else ''}"
 
 
 def values_at(values: FittedValues, at: str) -> FittedValues:

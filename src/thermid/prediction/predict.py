@@ -28,6 +28,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
 from thermid.prediction.known import Known, Rows
 from thermid.prediction.setting import Linear, Setting
+from thermid.results import PlottedTrace, Result, Row
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.solver.problem import Options
@@ -145,7 +146,7 @@ def _shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(Result):
     """What a fitted model says of a scenario, and with what uncertainty.
 
     Parameters
@@ -243,6 +244,18 @@ class Prediction:
             )
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return every node with its 95 % band."""
+        return [PlottedTrace(n, b.times, b.celsius, *b.interval()) for n, b in self.bands.items()]
+
+    def _as_rows(self) -> list[Row]:
+        """Return every node with its last temperature, error and 95 % band."""
+        return [{"node": n, "final_C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high} for n, e in self.final.items()]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the nodes."""
+        return list(self.bands)
 
 
 def _why(e: Estimate) -> str:
@@ -470,7 +483,7 @@ IN_TESTS = "misfit in tests"
 
 
 @dataclass(frozen=True, eq=False)
-class Foresight:
+class Foresight(Result):
     """What is expected of one run.
 
     Parameters
@@ -490,6 +503,18 @@ class Foresight:
     def standing(self) -> Standing:
         """Of the values that it rests on."""
         return self.prediction.standing
+
+    def _summary(self) -> str:
+        """Return the first line of the prediction."""
+        return self.prediction._summary()
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return those of the prediction."""
+        return self.prediction._as_traces()
+
+    def _as_rows(self) -> list[Row]:
+        """Return those of the prediction."""
+        return self.prediction._as_rows()
 
 
 @takes_objects

@@ -31,6 +31,7 @@ from thermid.physics.air import dry_air
 from thermid.physics.finishes import SPAN, finish
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.steady import steady
 
@@ -99,7 +100,7 @@ class SplitSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class Split:
+class Split(Result):
     """Effective coefficients taken apart.
 
     Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -12,6 +12,7 @@ from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
 from thermid.profiles.profile import ThermalProfile
+from thermid.results import PlottedTrace, Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution, Trace
 
@@ -89,7 +90,7 @@ class Phase:
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileRun:
+class ProfileRun(Result):
     """A profile run on a model.
 
     Parameters
@@ -98,7 +99,7 @@ class ProfileRun:
     phases : tuple of Phase
     scenario : Scenario         The whole course, as a scenario that can be run again.
     solution : Solution         The whole course.
-    moisture : td.Moisture      Of a humidity test, else None.
+    moisture : td.site.Moisture      Of a humidity test, else None.
     notes : tuple of str        What came up while it ran.
     base : str                  The base plate; empty where none was named.
     chamber : tuple of str      Boundaries that are the chamber.
@@ -209,6 +210,10 @@ class ProfileRun:
                 lines.append(f"  {n:<{width}}  {self[n].lowest:8.2f} to {self[n].highest:8.2f} degC")
         lines += [f"  remark: {r}" for r in self.remarks]
         return "\n".join([*lines, f"  trust: {self.trust}"])
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the temperature of every node over the whole run."""
+        return self.solution._as_traces()
 
 
 def _line(p: Phase, wide: int) -> str:

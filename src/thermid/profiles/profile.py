@@ -16,6 +16,7 @@ from thermid.files import PROFILE, write_text
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.results import Result
 from thermid.sourced import check_mark, weakest
 from thermid.toml_files import Places
 from thermid.units import TEMPERATURE
@@ -316,7 +317,7 @@ KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidit
 
 
 @dataclass(frozen=True)
-class ThermalProfile:
+class ThermalProfile(Result):
     """A profile of an environmental test.
 
     Parameters

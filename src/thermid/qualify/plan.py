@@ -27,8 +27,9 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.prediction.known import Known
 from thermid.reduction.macro import macro_model
+from thermid.results import Result
 from thermid.toml_files import Places, project_root, read_json, read_toml, refuse_another_kind, resolve_inside
-from thermid.units import TEMPERATURE
+from thermid.units import TEMPERATURE, counted
 
 if TYPE_CHECKING:
     from thermid.qualify.plan_schema import LockFile, PlanFile, TestTable
@@ -41,7 +42,7 @@ AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Result):
     """A qualification plan.
 
     Parameters
@@ -121,6 +122,10 @@ class Plan:
             return self.limits
         unit = self.content.hosts[host].unit
         return tuple(replace(one, node=f"{unit}.{one.node}", loads=tuple(f"{unit}.{n}" for n in one.loads)) for one in self.limits)
+
+    def _summary(self) -> str:
+        """Return the title and what it holds."""
+        return f"{self.title}: {counted(len(self.tests), 'test')}, {counted(len(self.limits), 'reference point')}"
 
 
 def _flat(value: Any, path: str = "") -> list[tuple[str, str]]:

@@ -22,8 +22,9 @@ from thermid.prediction.known import Known
 from thermid.prediction.predict import IN_TESTS, Foresight, widened
 from thermid.qualify.plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify.trial import Trial, run_test
+from thermid.results import Result
 from thermid.simulation.simulator import prepare
-from thermid.sourced import weigh
+from thermid.sourced import VERDICTS, weigh
 from thermid.units import counted
 
 
@@ -53,7 +54,7 @@ class Assumption:
 
 
 @dataclass(frozen=True, eq=False)
-class Qualification:
+class Qualification(Result):
     """A plan worked through.
 
     Parameters
@@ -182,6 +183,14 @@ class Qualification:
         lines += [f"  open: {o}" for o in self.open]
         lines += [f"  assumed: {a.path} = {a.text} changes {a.point} by {a.effect:.2g} K ({a.run})" for a in self.assumptions[:5]]
         return self.standing.over("\n".join(lines))
+
+    def _summary(self) -> str:
+        """Return the title and the verdict."""
+        return f"{self.plan.title}: {VERDICTS[self.passed]}, {counted(len(self.trials), 'test')}"
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the tests."""
+        return [t.test.name for t in self.trials]
 
 
 def _margin(m: Margin) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from thermid.network.controls import control_names
 from thermid.network.network import Network, Numbers
 from thermid.network.rows import ConductorRow, conductance
 from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import STEADY, Scenario, Start
 from thermid.simulation.simulator import network_for
 from thermid.simulation.solution import Solution
@@ -372,7 +373,7 @@ class NodeDeviation:
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class Reduction(Result):
     """A part with fewer masses.
 
     Parameters

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, l
 from thermid.model.laws.signal import Constant, Drawn, Signal, common_cycle, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
+from thermid.results import Result
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, STEADY, Scenario, Start
 from thermid.simulation.simulator import output_times
 from thermid.simulation.solution import HeatBalance, Solution, Trace
@@ -27,6 +28,9 @@ from thermid.simulation.solver.problem import Options, break_times
 from thermid.simulation.solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
 from thermid.simulation.solver.wiring import check_start, held_inputs, held_means, levels_of, mean_of, mean_span
 from thermid.units import TEMPERATURE
+
+if TYPE_CHECKING:
+    import xarray
 
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
 MOST_PERIODS = 30
@@ -148,6 +152,15 @@ class BlockSolution(Solution):
         raise NameNotFoundError(
             f"the solution holds no sensitivity of '{node}' to '{name}', because large networks have no sensitivities.", self.title
         )
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the temperatures of the nodes over time as a data set; a block stores no flows of single conductors. [degC]
+
+        Raises
+        ------
+        MissingExtraError   When pandas or xarray is not installed.
+        """
+        return Result.to_xarray(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from thermid.errors import ScenarioError, SolverError, ThermidError, refuse_unkn
 from thermid.linear_algebra import Array, Bools, Indices
 from thermid.model.laws.signal import Constant
 from thermid.physics.constants import ICE_POINT
+from thermid.results import PlottedTrace, Result
 from thermid.simulation.solution import Trace
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import MemberTurnings
@@ -46,7 +47,7 @@ class Summary:
 
 
 @dataclass(frozen=True, eq=False)
-class Ensemble:
+class Ensemble(Result):
     """The runs of many members.
 
     Statistics are over the members that reached the end; `failed` says of the others why.
@@ -188,6 +189,15 @@ class Ensemble:
         for n in self.nodes if len(self.failed) < self.members else ():
             lines.append(f"  {n:<{width}}  end {self.mean(n)[-1] - ICE_POINT:9.3f} +/- {self.sd(n)[-1]:.3f} degC")
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the mean of every node, and where 95 % of the members lie, as far as these quantiles were kept."""
+        out = []
+        for n in self.nodes:
+            wide = not self.shares or {0.025, 0.975} <= set(self.shares)
+            low, high = (self.quantile(n, share) - ICE_POINT for share in (0.025, 0.975)) if wide else (None, None)
+            out.append(PlottedTrace(n, self.times, self.mean(n) - ICE_POINT, low, high))
+        return out
 
 
 def spread_of(values: Array) -> Array:

@@ -21,6 +21,7 @@ from thermid.model.parts.facing import degrees
 from thermid.network.network import Network
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import GapLaw, correlation
+from thermid.results import PlottedTrace, Result, Row
 from thermid.simulation.solver.engine import Engine
 from thermid.simulation.solver.extremes import Dense, Extreme, Turnings, first_above
 from thermid.simulation.solver.problem import Answer, Options, Traces, break_times, left_tables, read_nodes, signal_turnings
@@ -371,7 +372,7 @@ def _convecting_gaps(run: Run) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Result):
     """The result of a run.
 
     Parameters
@@ -537,3 +538,16 @@ class Solution:
             lines.append("  highest of the stored samples; not known between them")
         lines += [f"  warning: {w}" for w in self.warnings]
         return "\n".join(lines)
+
+    def _as_rows(self) -> list[Row]:
+        """Return every node with its last, highest and lowest temperature."""
+        found = [(n, self[n]) for n in self.nodes]
+        return [{"node": n, "final_C": t.final, "highest_C": t.highest, "lowest_C": t.lowest} for n, t in found]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the temperature of every node."""
+        return [PlottedTrace(n, self.times, self[n].celsius) for n in self.nodes]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the nodes."""
+        return list(self.nodes)

@@ -15,6 +15,7 @@ from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.results import Result, Row
 from thermid.simulation.block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation.heat_map import HeatMap
 from thermid.simulation.scenarios.scenario import MEAN, PERIODIC, Scenario
@@ -30,7 +31,7 @@ MOST_LEVELS = 50
 """Combinations of levels of inputs that are looked at."""
 
 
-class Steady(dict[str, float]):
+class Steady(Result, dict[str, float]):
     """Node -> steady temperature, and which inputs were held. [K]
 
     Parameters
@@ -61,6 +62,10 @@ class Steady(dict[str, float]):
         """Return which inputs were held, what a reader must know, and the temperatures."""
         lines = [f"steady, {self.held}", *(f"  warning: {r}" for r in self.remarks)]
         return "\n".join([*lines, *(f"  {n}: {t - ICE_POINT:.3f} degC" for n, t in self.items())])
+
+    def _as_rows(self) -> list[Row]:
+        """Return every node with its temperature."""
+        return [{"node": n, "temperature_C": t - ICE_POINT} for n, t in self.items()]
 
 
 @overload

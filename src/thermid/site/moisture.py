@@ -19,6 +19,7 @@ from thermid.model.tree.flat import Flat, FlatConductor
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
+from thermid.results import PlottedTrace, Result
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
@@ -69,7 +70,7 @@ class SurfaceMoisture:
 
 
 @dataclass(frozen=True, eq=False)
-class Moisture:
+class Moisture(Result):
     """What humidity does along a solution.
 
     Parameters
@@ -124,6 +125,21 @@ class Moisture:
                 f"wet for {s.wet / 60:.1f} min, up to {1e3 * s.film.max():.3g} g/m^2"
             )
         return "\n".join(["moisture", *(f"  warning: {w}" for w in self.warnings), *lines, f"  {self.water}"])
+
+    _axes_titles = ("time [s]", "margin to the dew point [K]")
+
+    def _summary(self) -> str:
+        """Return the surface with the least margin."""
+        s = min(self.surfaces.values(), key=lambda s: float(s.margin.min()), default=None)
+        return "no surfaces" if s is None else f"least margin to the dew point {s.margin.min():.2f} K at {s.surface}"
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the margin of every surface."""
+        return [PlottedTrace(n, s.times, s.margin) for n, s in self.surfaces.items()]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the surfaces."""
+        return list(self.surfaces)
 
 
 @takes_objects

@@ -17,6 +17,7 @@ from thermid.files import was_read
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_plain
 from thermid.measure.record.channel import FloatArray
+from thermid.results import Result
 from thermid.units import TEMPERATURE, from_si
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ class WeatherSeries(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Weather:
+class Weather(Result):
     """What the weather was, or in a typical year is.
 
     Parameters
@@ -218,6 +219,14 @@ class Weather:
         lines += [f"  filled: {one}" for one in self.filled]
         lines += [f"  note: {one}" for one in self.notes]
         return "\n".join(lines)
+
+    def _summary(self) -> str:
+        """Return its name and quantities."""
+        return f"{self.name}: {', '.join(self.series) or 'no quantities'}"
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the quantities."""
+        return list(self.series)
 
 
 @takes_objects

@@ -16,6 +16,7 @@ from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule, rule_of
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.results import Result, Row
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 from thermid.steadiness.approach import Approach, Mixture, approach
@@ -52,7 +53,7 @@ class IntervalEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
+class Forecast(Result):
     """What a channel will do under conditions that stay as they are.
 
     Parameters
@@ -168,6 +169,11 @@ class Forecast:
                 f"  rule '{self.rule.name}': holds about {duration_text(self.holds - self.start)} after the beginning{late}{saved}"
             )
         return "\n".join(lines)
+
+    def _as_rows(self) -> list[Row]:
+        """Return where it will end. [degC]"""
+        e = self.final
+        return [{"channel": self.channel, "final_C": e.value - ICE_POINT, "low_C": e.low - ICE_POINT, "high_C": e.high - ICE_POINT}]
 
 
 def with_step(mixture: Mixture, step: float) -> Mixture:

@@ -31,6 +31,7 @@ from thermid.measure.record.steadiness import (
     verdict_of,
 )
 from thermid.profile_runs.profile_run import ProfileRun
+from thermid.results import Result
 from thermid.simulation.solution import Solution
 from thermid.steadiness.approach import approach
 from thermid.steadiness.forecast import FEWEST, GUARD, REACH
@@ -93,7 +94,7 @@ class Remaining:
 
 
 @dataclass(frozen=True)
-class Stability:
+class Stability(Result):
     """Whether temperatures are stable by a rule.
 
     Parameters

@@ -81,13 +81,13 @@ def test_what_moved(campaign: Campaign) -> None:
 
 
 def test_joint_of_a_file_and_of_a_campaign(made: Path, campaign: Campaign) -> None:
-    assert td.joint(campaign) is campaign.joint
-    again = td.joint(td.run_stages(made))
+    assert td.inference.joint(campaign) is campaign.joint
+    again = td.inference.joint(td.run_stages(made))
     assert campaign.joint is not None
     assert dict(again.values) == dict(campaign.joint.values)
     bare = Campaign("x", {}, (), {})
     with pytest.raises(DeckError, match="a joint fit needs the campaign's file"):
-        td.joint(bare)
+        td.inference.joint(bare)
 
 
 def test_a_value_that_the_level_above_sets_is_its_own(project: Path) -> None:

@@ -165,7 +165,7 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     """Nothing of the old gyro is left in plan, text and model; the twin keeps its values; the joint frees one value of its own."""
     path = tmp_path / "six.toml"
     path.write_text(GYRO.format(title="Six", power=6, mass=0.9))
-    plan = td.plan_retune(campaign, "y", path)
+    plan = td.design.plan_retune(campaign, "y", path)
     assert plan.watts == (2.1, 6.0)
     text = str(plan)
     assert "Six has the 6 W and all other values of its deck; its own test must be repeated" in text
@@ -191,7 +191,7 @@ def test_values_shared_with_the_twin_are_those_of_the_new_part(project: Path, ca
     new = planted(project, tmp_path, 3)
     same = load_model(project / "gyro.toml")
     write_log(log(same, {"mass": "0.5 [kg]"}, {"T": "case"}, noise=0.03, samples=61, seed=9), new.folder / "logs" / "gyro.csv")
-    made = td.plan_retune(campaign, "y", same).run(new.folder, part_only=True)["unit"]
+    made = td.design.plan_retune(campaign, "y", same).run(new.folder, part_only=True)["unit"]
     assert made.fitted_model.at("x.mass").expression.literal.value == pytest.approx(0.71, rel=0.02)
     assert made.fitted_model.at("y.mass").expression.literal.value == pytest.approx(0.5, rel=0.02)
 
@@ -199,7 +199,7 @@ def test_values_shared_with_the_twin_are_those_of_the_new_part(project: Path, ca
 def tried(project: Path, campaign: Campaign, folder: Path, seed: int) -> tuple[bool, float, float]:
     """Return whether the peak lay in the band before the unit was tested, the band's share of the rise, and how far two retunes are."""
     new = planted(project, folder, seed)
-    plan = td.plan_retune(campaign, "y", new.deck)
+    plan = td.design.plan_retune(campaign, "y", new.deck)
     before = plan.run(new.folder, part_only=True)["unit"]
     band = td.predict(before, HOT, discrepancy=False)["y.case"]
     at = int(np.argmax(band.kelvin))

@@ -88,7 +88,7 @@ def swapped(folder: Path, seed: int) -> list[str]:
     wrong = [f"model: {n}" for n, entry in alone.items() if now[f"{place}.{n}"].parameter != entry.parameter]
     wrong += [f"tied: {one.paths}" for one in identities(model).values() if _crosses(one.paths, place)]
 
-    plan = td.plan_retune(before, place, deck)
+    plan = td.design.plan_retune(before, place, deck)
     assert plan.watts[1] == pytest.approx(sum(v for p, v in ParameterSet(deck).evaluate({}).items() if p.endswith(POWER)))
     assert alone[POWER].parameter.text == "6 [W]"
     assert f"newer has the {plan.watts[1]:.4g} W and all other values of its deck" in str(plan)

@@ -75,14 +75,14 @@ def test_files_of_values_and_every_result_carry_it(bad: Campaign, folder: Path, 
     laid = load_model(folder / "whole.toml").with_values(values.assignments, "whole.values.toml")
     found = {
         "predict": td.predict(bad["whole"], scenario),
-        "foresee": td.foresee(td.Known.of(bad["whole"]), scenario),
-        "foresee, from a file": td.foresee(td.Known(laid, (values,)), scenario),
-        "uncertain_runs": (runs := td.uncertain_runs(load_model(folder / "whole.toml"), scenario, values, n=24, nodes=["c.case"])),
-        "hold": td.hold(runs, {"c.case": "60 [degC]"}, confidence=0.5),
-        "correlate": td.correlate(
+        "foresee": td.design.foresee(td.design.Known.of(bad["whole"]), scenario),
+        "foresee, from a file": td.design.foresee(td.design.Known(laid, (values,)), scenario),
+        "uncertain_runs": (runs := td.qualify.uncertain_runs(load_model(folder / "whole.toml"), scenario, values, n=24, nodes=["c.case"])),
+        "hold": td.qualify.hold(runs, {"c.case": "60 [degC]"}, confidence=0.5),
+        "correlate": td.qualify.correlate(
             td.compare(laid, read_campaign(folder / "campaign.toml").record("whole_one"), scenario=bench), ["MIL-HDBK-340, transient"]
         ),
-        "plan_retune": td.plan_retune(bad, "p", folder / "pair.toml"),
+        "plan_retune": td.design.plan_retune(bad, "p", folder / "pair.toml"),
     }
     for name, one in found.items():
         assert one.standing == above, name

@@ -61,7 +61,7 @@ def campaign(project: Path) -> Campaign:
 
 @pytest.fixture(scope="module")
 def plan(campaign: Campaign) -> RetunePlan:
-    return td.plan_retune(campaign, "a", box(NEW))
+    return td.design.plan_retune(campaign, "a", box(NEW))
 
 
 @pytest.fixture(scope="module")
@@ -118,10 +118,10 @@ def test_what_is_due(plan: RetunePlan) -> None:
 def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Campaign) -> None:
     """A part in place of itself changes nothing, whatever its meter showed; a part with another power says which."""
     old = campaign["pair"].model.submodel("a")
-    same = td.plan_retune(campaign, "a", old)
+    same = td.design.plan_retune(campaign, "a", old)
     assert same.before == pytest.approx(same.after)
     assert same.watts[0] == same.watts[1]
-    other = td.plan_retune(campaign, "a", box(NEW))
+    other = td.design.plan_retune(campaign, "a", box(NEW))
     assert other.watts == (4.0, 3.0)
     assert other.logged == 4.0
     assert "at rest before -> after: the old part at the 4 W of its model, the new one at the 3 W of its deck:" in str(other)
@@ -190,7 +190,7 @@ def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) 
     text = path.read_text().replace("inherit = { a = {", 'inherit = { b = { stage = "box" }, a = {').replace(', "b.skin.effective_htc"', "")
     path.write_text(text)
     old = td.run_stages(path)
-    plan = td.plan_retune(old, "a", box(NEW))
+    plan = td.design.plan_retune(old, "a", box(NEW))
     assert {s.name: s.action for s in plan.stages} == {"box": "kept", "box at a": "run", "cool": "kept", "pair": "carried"}
     made = plan.run(tests_again)
     assert any(w.startswith("kept after a swap: the model") for w in made["pair"].warnings)
@@ -203,7 +203,7 @@ def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) 
 def test_nothing_to_retune_is_carried(project: Path, tmp_path: Path) -> None:
     path = copied(project, tmp_path)
     path.write_text(path.read_text().replace('free    = ["stack.contact_conductance", "b.skin.effective_htc"]', 'free    = ["b.power"]'))
-    plan = td.plan_retune(td.run_stages(path), "a", box(NEW))
+    plan = td.design.plan_retune(td.run_stages(path), "a", box(NEW))
     stage = {s.name: s for s in plan.stages}["pair"]
     assert (stage.action, stage.records) == ("carried", ())
     assert plan.tests == ("box_bench",)
@@ -211,11 +211,11 @@ def test_nothing_to_retune_is_carried(project: Path, tmp_path: Path) -> None:
 
 def test_a_part_that_does_not_fit(campaign: Campaign) -> None:
     with pytest.raises(DeckError, match="'a' has ports"):
-        td.plan_retune(campaign, "a", td.model_from_dict({"title": "bare", "nodes": {"n": {"capacitance": "1 [J/K]"}}}))
+        td.design.plan_retune(campaign, "a", td.model_from_dict({"title": "bare", "nodes": {"n": {"capacitance": "1 [J/K]"}}}))
     with pytest.raises(NameNotFoundError, match="no submodel 'c'"):
-        td.plan_retune(campaign, "c", box())
+        td.design.plan_retune(campaign, "c", box())
     with pytest.raises(DeckError, match="a plan needs the campaign's file"):
-        td.plan_retune(Campaign("x", {}, (), {}), "a", box())
+        td.design.plan_retune(Campaign("x", {}, (), {}), "a", box())
 
 
 def test_on_the_command_line(project: Path, tests_again: Path, tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_refusals(call: Call, deck: Path, options: list[str], message: str) -> N
 def test_latent_heat_closes_the_balance(deck: Path) -> None:
     box = td.load_model(deck)
     transfer = td.Scenario("transfer", boundaries={"air": "30 [degC]"}, start="-10 [degC]", duration="30 [min]")
-    found = td.moisture(box, transfer, {"air": 0.6})
+    found = td.site.moisture(box, transfer, {"air": 0.6})
     balance = found.solution.heat_balance()
     assert balance.relative < 1e-6
     assert balance.loads == pytest.approx(found["skin"].heat, rel=1e-4)  # water that settles is the only load

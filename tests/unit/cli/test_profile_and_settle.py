@@ -47,7 +47,7 @@ def test_profiles_are_listed_and_printed():
 def test_a_profile_is_saved_edited_and_run(tmp_path, deck):
     own = tmp_path / "own.toml"
     assert call("profile", "SMC", "unit thermal cycle", *RANGE, "--set", "cycles=1", "--set", "dwell=2", "--save", own).exit_code == 0
-    assert td.load_profile(own)["dwell"].value == 7200.0
+    assert td.qualify.load_profile(own)["dwell"].value == 7200.0
     picture, csv = tmp_path / "run.png", tmp_path / "run.csv"
     done = call("profile", own, "--on", deck, "--base", "case", "--picture", picture, "--csv", csv, "--json")
     assert done.exit_code == 0, done.output
@@ -119,9 +119,9 @@ def test_settle_refuses_what_no_log_can_answer(tmp_path, asked, words):
 def test_a_forecast_needs_a_stretch_that_was_logged_and_a_width(tmp_path):
     record = td.read_record(log(tmp_path, 1.0), {"T_CASE": {"node": "case"}})
     with pytest.raises(td.ThermidError, match="nothing was logged at 2 h"):
-        td.forecast(record, until="2 [h]")
+        td.bench.forecast(record, until="2 [h]")
     with pytest.raises(td.ThermidError, match="above zero, not 0 K"):
-        td.forecast(record, within="0 [K]")
+        td.bench.forecast(record, within="0 [K]")
 
 
 def test_stored_heat_is_judged_with_a_model_and_refused_without(tmp_path, deck):

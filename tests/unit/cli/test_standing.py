@@ -104,14 +104,14 @@ def test_plan_and_qualify(tmp_path: Path, call: Call) -> None:
     from unit.qualify.things import unit
 
     failed = Standing("failed", "verdict on soak: T_PROC max error 3 K, limit 1 K", "unit")
-    path = next(p for p in td.compile_network(unit()).numbers().values if p.endswith("capacitance"))
-    value = float(td.compile_network(unit()).numbers().values[path])
+    path = next(p for p in td.network.compile_network(unit()).numbers().values if p.endswith("capacitance"))
+    value = float(td.network.compile_network(unit()).numbers().values[path])
     fitted = FittedValue(
         path, value, 0.01 * value, 0.01 * value, True, "J/K", value, (0.5 * value, 2 * value), "unit: soak", standing=failed
     )
     FittedValues("unit", {path: fitted}, np.diag([1e-4]), {"records": {}, "synthetic": True}).save(tmp_path / "fit.values.toml")
     file = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "fit.values.toml"'))
-    found = td.run_plan(file)
+    found = td.qualify.run_plan(file)
     assert found.standing == failed
     assert {m.standing.state for m in found.margins} == {"failed"}
     line = "FAILED: rests on stage 'unit' (verdict on soak: T_PROC max error 3 K, limit 1 K)"

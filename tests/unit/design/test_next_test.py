@@ -28,7 +28,7 @@ def fit() -> td.Calibration:
     return td.calibrate(box(), first(), [HTC, MASS])
 
 
-def option(advice: td.Advice, start: str) -> Option:
+def option(advice: td.design.Advice, start: str) -> Option:
     return next(o for o in advice.options if o.name.startswith(start))
 
 
@@ -68,7 +68,7 @@ def made(level: Callable[[np.ndarray], np.ndarray], seed: int, hours: float = 4.
 def test_the_error_promised_is_the_error_of_the_refit(fit: td.Calibration, name: str, level: Callable[[np.ndarray], np.ndarray]) -> None:
     both = td.calibrate(box(), [first(), made(level, 7)], [HTC, MASS])
     for path in (HTC, MASS):
-        promised = option(td.next_test(fit, path, scenario=BENCH), name)
+        promised = option(td.design.next_test(fit, path, scenario=BENCH), name)
         assert both[path].error == pytest.approx(promised.error, rel=0.2)
         assert promised.error < fit[path].error
 
@@ -86,13 +86,13 @@ def test_refits_scatter_as_promised() -> None:
             t, p = record.channel("T"), record.channel("METER")
             records.append(record.with_channels(replace(t, values=t.values + bias), replace(p, values=p.values * gain)))
         found.append(td.calibrate(box(), records, [HTC, MASS])[HTC].value)
-    promised = option(td.next_test(td.calibrate(box(), first(), [HTC, MASS]), HTC, scenario=BENCH), "'heat' at 8 W")
+    promised = option(td.design.next_test(td.calibrate(box(), first(), [HTC, MASS]), HTC, scenario=BENCH), "'heat' at 8 W")
     # a standard deviation of forty has an error of 11 %
     assert np.std(found, ddof=1) == pytest.approx(promised.error, rel=0.25)
 
 
 def test_hours_to_a_goal(fit: td.Calibration) -> None:
-    advice = td.next_test(fit, HTC, scenario=BENCH, goal="1.6 [%]")
+    advice = td.design.next_test(fit, HTC, scenario=BENCH, goal="1.6 [%]")
     best = advice.best
     assert 0 < best.hours < 4.0
     at = np.interp(best.hours, best.errors[:, 0], best.errors[:, 1])
@@ -104,7 +104,7 @@ def test_hours_to_a_goal(fit: td.Calibration) -> None:
 
 def test_a_prediction_is_bettered_by_what_it_depends_on(fit: td.Calibration) -> None:
     hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
-    advice = td.next_test(fit, td.Aim(hot, "case"), scenario=BENCH)
+    advice = td.design.next_test(fit, td.design.Aim(hot, "case"), scenario=BENCH)
     # settled, the rise is P/(h A): its error is that of h
     rise = 8.0 / (0.05 * fit[HTC].value)
     assert advice.now == pytest.approx(rise * fit[HTC].error / fit[HTC].value, rel=0.02)
@@ -122,7 +122,7 @@ def test_without_gas_it_counts_what_a_prediction_counts() -> None:
     fit = td.calibrate(box(BLACK), log(box(BLACK), {}, {"T": "case"}, noise=0.05, accuracy=0.2, samples=121), [HTC, MASS])
     far = FAR.with_(boundaries={"air": "24 [degC]"})
     parts = td.predict(fit, far)["case"].parts
-    advice = td.next_test(fit, td.Aim(far, "case"), scenario=BENCH)
+    advice = td.design.next_test(fit, td.design.Aim(far, "case"), scenario=BENCH)
     split = "split of effective coefficients"
     assert advice.now == pytest.approx(np.sqrt(parts["fit"][-1] + parts[split][-1]), rel=1e-3)
     assert advice.now > 0.5
@@ -139,7 +139,7 @@ def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
     far = FAR.with_(boundaries={"room": "24 [degC]"})
     parts = td.predict(fit, far)["b.case"].parts
     bench = td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]")
-    advice = td.next_test(fit, td.Aim(far, "b.case"), scenario=bench)
+    advice = td.design.next_test(fit, td.design.Aim(far, "b.case"), scenario=bench)
     own = ("fit", "split of effective coefficients", "gas in joints")
     assert parts["gas in joints"][-1] > 0.0
     assert advice.now == pytest.approx(np.sqrt(sum(parts[c][-1] for c in own)), rel=1e-3)
@@ -149,7 +149,7 @@ def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
 def test_what_else_a_prediction_has_is_said(fit: td.Calibration) -> None:
     hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
     parts = td.predict(fit, hot)["case"].parts
-    advice = td.next_test(fit, td.Aim(hot, "case"), scenario=BENCH)
+    advice = td.design.next_test(fit, td.design.Aim(hot, "case"), scenario=BENCH)
     assert advice.beside["constant coefficients"] == pytest.approx(np.sqrt(parts["constant coefficients"][-1]), rel=1e-6)
     assert str(advice).splitlines()[-1].startswith("  Not included in these figures: constant coefficients +- ")
 
@@ -161,7 +161,9 @@ def test_every_part_that_shares_a_value_counts() -> None:
     fit = td.calibrate(model, data, ["*.skin.effective_htc"])
     assert [v.also for v in fit.values.parameters.values()] == [("b.skin.effective_htc",)]
     hot = td.Scenario("hot", boundaries={"room": "40 [degC]"}, duration="20 [h]")
-    advice = td.next_test(fit, td.Aim(hot, "a.case"), scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
+    advice = td.design.next_test(
+        fit, td.design.Aim(hot, "a.case"), scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]")
+    )
     assert advice.now == pytest.approx(np.sqrt(td.predict(fit, hot)["a.case"].parts["fit"][-1]), rel=1e-3)
 
 
@@ -169,7 +171,7 @@ def test_another_sensor_tells_a_joint() -> None:
     model = pair(second=box({"parameters/power/value": "1 [W]", "title": "Cool"}))
     data = log(model, {}, {"A": "a.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
     fit = td.calibrate(model, data, [JOINT], priors={JOINT: ("", "50 [%]")})
-    advice = td.next_test(fit, JOINT, scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
+    advice = td.design.next_test(fit, JOINT, scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
     assert option(advice, "the same with a sensor at 'b.case'").error < 0.5 * option(advice, "the same test again").error
     assert option(advice, "the same, pumped down").refused.startswith("the coefficient of")
     assert "cannot be made: the coefficient of" in str(advice)
@@ -183,18 +185,18 @@ def test_a_pump_down_does_not_promise_what_air_has_not_told(monkeypatch: pytest.
     bench = td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]")
     known = td.calibrate(model, data, [JOINT, "a.case.mass"], priors={JOINT: ("", "50 [%]")})
     # the joint without gas is another one: of this one the test says what it says of the sensors' constant errors
-    joint = option(td.next_test(known, JOINT, scenario=bench), "the same, pumped down")
+    joint = option(td.design.next_test(known, JOINT, scenario=bench), "the same, pumped down")
     # an emissivity good to 15 % leaves the same rise, and so the power, open by as much
     watts = td.calibrate(model, data, ["a.power"], priors={"a.power": ("", "20 [%]")})
-    pumped = option(td.next_test(watts, "a.power", scenario=bench), "the same, pumped down")
+    pumped = option(td.design.next_test(watts, "a.power", scenario=bench), "the same, pumped down")
     monkeypatch.setattr("thermid.design.next_test.doubts_without_gas", lambda *_: {})
-    assert joint.error > 1.5 * option(td.next_test(known, JOINT, scenario=bench), "the same, pumped down").error
-    assert pumped.error > 3.0 * option(td.next_test(watts, "a.power", scenario=bench), "the same, pumped down").error
+    assert joint.error > 1.5 * option(td.design.next_test(known, JOINT, scenario=bench), "the same, pumped down").error
+    assert pumped.error > 3.0 * option(td.design.next_test(watts, "a.power", scenario=bench), "the same, pumped down").error
 
 
 def test_a_model_with_priors() -> None:
     priors = {HTC: ("", "30 [%]"), "power": ("", "10 [%]"), MASS: ("", "50 [%]")}
-    advice = td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors)
+    advice = td.design.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors)
     assert advice.now == pytest.approx(0.3 * 6.0)
     same = option(advice, "the same test again")
     told = td.identifiability(box(), free=list(priors), scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors, every="1 [min]")
@@ -205,18 +207,18 @@ def test_a_model_with_priors() -> None:
 
 def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
     with pytest.raises(IdentificationError, match=r"no test is given to choose from\."):
-        td.next_test(fit, HTC)
+        td.design.next_test(fit, HTC)
     with pytest.raises(IdentificationError, match=r"a model alone has no uncertainties\. Give priors, or a fit\."):
-        td.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
+        td.design.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
     with pytest.raises(IdentificationError, match=r"no sensor is given, so a test would give no information\."):
-        td.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
+        td.design.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
     with pytest.raises(NameNotFoundError, match=r"'case\.mas' is not one of the free parameters\. Did you mean 'case\.mass'"):
-        td.next_test(fit, "case.mas", scenario=BENCH)
+        td.design.next_test(fit, "case.mas", scenario=BENCH)
 
 
 def test_a_test_of_ones_own(fit: td.Calibration) -> None:
-    ramp = td.Action("ramp", BENCH.with_(boundaries={"air": (np.array([0.0, 14400.0]), 297.15 + np.array([0.0, 40.0]))}))
-    advice = td.next_test(fit, MASS, [ramp])
+    ramp = td.design.Action("ramp", BENCH.with_(boundaries={"air": (np.array([0.0, 14400.0]), 297.15 + np.array([0.0, 40.0]))}))
+    advice = td.design.next_test(fit, MASS, [ramp])
     assert [o.name for o in advice.options] == ["ramp"]
     assert advice.best.error < fit[MASS].error
 
@@ -230,7 +232,7 @@ def test_the_same_test_again_is_at_most_sqrt_two_times_better_where_residuals_wa
         slow[k] = keep * slow[k - 1] + 0.15 * np.sqrt(1.0 - keep**2) * rng.standard_normal()
     found = td.calibrate(box(), data.with_channels(replace(data["T"], values=data["T"].values + slow)), [HTC, MASS])
     assert found.sensors["T"].wanders
-    again = td.next_test(found, HTC, scenario=found.experiments[0].scenario, every=float(times[1]))
+    again = td.design.next_test(found, HTC, scenario=found.experiments[0].scenario, every=float(times[1]))
     option = next(o for o in again.options if o.name == "the same test again")
     # a little more than sqrt 2, since the planned test starts from a temperature that is given
     assert 1.25 < again.now / option.error < 1.5
@@ -246,5 +248,5 @@ def test_the_sensors_of_every_record_count() -> None:
     fit = td.calibrate(model, [one, replace(both, name="two")], ["stack.contact_conductance"])
     turned = td.calibrate(model, [replace(both, name="two"), one], ["stack.contact_conductance"])
     given = td.Scenario("again", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
-    shown = [td.next_test(f, "stack.contact_conductance", scenario=given).best.error for f in (fit, turned)]
+    shown = [td.design.next_test(f, "stack.contact_conductance", scenario=given).best.error for f in (fit, turned)]
     assert shown[0] == pytest.approx(shown[1], rel=1e-3)

@@ -116,4 +116,4 @@ def estimate(case: Case, **more: Any) -> Estimation:
     """Return the estimation of a case from values that are off."""
     off = {n: v * f for (n, v), f in zip(case.truth.values.items(), (0.7, 1.4, 1.3, 0.7), strict=True)}
     asked = {"process_noise": {"wall": {"start": "1e-3 [K/s^0.5]"}}, "start_sd": {"wall": "0.1 [K]", "indoor": "0.1 [K]"}} | more
-    return td.estimate(house(off), case.record, list(VALUES), scenario=case.scenario, **asked)
+    return td.inference.estimate(house(off), case.record, list(VALUES), scenario=case.scenario, **asked)

@@ -47,7 +47,7 @@ def found() -> Estimation:
     record = td.Record.from_arrays("armadillo", t, {"indoor": indoor + ICE, "out": outside + ICE}, synthetic=False)
     # first-order hold of the heater too: a log's own column would hold until the next sample
     scenario = td.Scenario("armadillo", loads={"heater": TableSignal(t, power)}, initial={"indoor": "26.7 [degC]"})
-    return td.estimate(
+    return td.inference.estimate(
         house({"Ro": 1e-2, "Ri": 1e-3, "Cw": 1e7, "Ci": 1e6}),
         record,
         ["Ro", "Ri", "Cw", "Ci"],

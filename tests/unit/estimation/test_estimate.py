@@ -57,7 +57,7 @@ def test_the_choice_is_what_foresees_left_out_readings(found: Estimation) -> Non
     better = min((found.process, found.output), key=lambda e: e.left_out.rmse if e.left_out else np.inf)
     assert found.chosen is better
     assert set(found.values) == set(VALUES)
-    assert td.compile_network(found.fitted_model).numbers().values["Ro"] == pytest.approx(found.values["Ro"].value)
+    assert td.network.compile_network(found.fitted_model).numbers().values["Ro"] == pytest.approx(found.values["Ro"].value)
 
 
 def test_bands_carry_the_noise(found: Estimation) -> None:
@@ -124,7 +124,7 @@ def test_unlogged_ambient_as_a_random_walk() -> None:
     record = Record.from_arrays("rig", t, channels).with_channels(
         *(c.__class__(**{**c.__dict__, "target": f"u.{n}.case", "role": "node"}) for n, c in channels.items())
     )
-    done = td.estimate(
+    done = td.inference.estimate(
         rig, record, ["u.a.case.mass"], process_noise={"room": "free"}, scenario=td.Scenario("rig", boundaries={"room": "20 [degC]"})
     )
     one = done.process.found["u.a.case.mass"]
@@ -154,16 +154,16 @@ def small() -> tuple[td.Model, Record]:
 def test_what_is_refused(noise: dict[str, Any], message: str) -> None:
     model, record = small()
     with pytest.raises(ThermidError, match=message):
-        td.estimate(model, record, ["skin.effective_htc"], process_noise=noise)
+        td.inference.estimate(model, record, ["skin.effective_htc"], process_noise=noise)
 
 
 def test_a_horizon_that_leaves_nothing_to_fit() -> None:
     model, record = small()
     with pytest.raises(IdentificationError, match="leaves too little to fit"):
-        td.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, horizon="1000 [h]")
+        td.inference.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, horizon="1000 [h]")
 
 
 def test_a_start_of_a_boundary_is_no_state() -> None:
     model, record = small()
     with pytest.raises(IdentificationError, match="is a boundary without noise"):
-        td.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, start_sd={"air": "1 [K]"})
+        td.inference.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, start_sd={"air": "1 [K]"})

@@ -79,7 +79,7 @@ def likelihood(model: td.Model, record: Record, scenario: Scenario, noises: dict
 
 def dense(likelihood_: Likelihood, scenario: Scenario, model: td.Model) -> tuple[float, Array, Array, Array]:
     """Return log-likelihood, times, smoothed means and standard deviations from the joint normal of all states at all times."""
-    space = td.state_space(td.compile_network(model))
+    space = td.network.state_space(td.network.compile_network(model))
     order = [space.nodes.index(n) for n in ("plate", "box", "lid")]
     base = space.A[np.ix_(order, order)]
     room, capacity = space.B_boundary[order, 0], space.capacitances[order]

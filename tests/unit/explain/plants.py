@@ -77,7 +77,7 @@ def _warmer(scenario: td.Scenario, kelvin: float) -> td.Scenario:
 def _fault(
     model: td.Model, sensors: Mapping[str, str], group: str, rng: np.random.Generator
 ) -> tuple[td.Model, str, dict[str, float], float]:
-    network = td.compile_network(model)
+    network = td.network.compile_network(model)
     sign = rng.choice([-1.0, 1.0])
     if group == "boundary or reference":
         size = sign * rng.uniform(1.5, 4.0)
@@ -113,7 +113,7 @@ def _fault(
 
 
 def _scaled(model: td.Model, path: str, factor: float) -> td.Model:
-    parameters = td.compile_network(model).flat.parameters
+    parameters = td.network.compile_network(model).flat.parameters
     at = parameters.freeable(path, model.canonical)
     unit = parameters.table[at].parameter.expression.literal.unit
     value = float(parameters.evaluate({})[at]) * float(factor) / float(unit.factor)
@@ -122,7 +122,7 @@ def _scaled(model: td.Model, path: str, factor: float) -> td.Model:
 
 def left_open(model: td.Model, scatter: float = 0.02) -> dict[str, float]:
     """Return path -> standard deviation of what a calibration leaves open of a model. [SI]"""
-    parameters = td.compile_network(model).flat.parameters
+    parameters = td.network.compile_network(model).flat.parameters
     values = parameters.evaluate({})
     return {
         path: scatter * float(values[path])

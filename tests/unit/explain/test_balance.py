@@ -42,7 +42,7 @@ class TestPoint:
 
 class TestBalance:
     def test_closes_with_the_right_model(self) -> None:
-        found = td.energy_balance(box().with_values(TRUE), bench(), "5 [h]", "end")
+        found = td.explain.energy_balance(box().with_values(TRUE), bench(), "5 [h]", "end")
         assert found.closes
         assert found.loads == {"heat": 4.0}
         assert sum(found.loads.values()) - sum(found.boundaries.values()) - sum(found.stored.values()) == pytest.approx(found.total)
@@ -50,18 +50,18 @@ class TestBalance:
         assert found.error == pytest.approx(np.hypot(0.25 * 0.3, 0.05), rel=0.35)
 
     def test_a_mount_that_the_model_lacks_is_missed_in_watts(self) -> None:
-        held = td.energy_balance(box({"surfaces/skin/effective_htc": "3.5 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
+        held = td.explain.energy_balance(box({"surfaces/skin/effective_htc": "3.5 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
         assert not held.closes
         assert held.total == pytest.approx(4.0 * (1 - 3.5 / 5.0), abs=2 * held.error)
         assert "leaves by a path that the model lacks" in str(held)
-        over = td.energy_balance(box({"surfaces/skin/effective_htc": "8 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
+        over = td.explain.energy_balance(box({"surfaces/skin/effective_htc": "8 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
         assert "conductances of the model are too large" in str(over)
 
     def test_of_a_fit_and_of_a_node_that_was_not_measured(self) -> None:
         model = pair(second=box({"parameters/power/value": "1 [W]", "title": "Cool"}))
         data = log(model, {JOINT: "100 [W/(m^2 K)]"}, {"A": "a.case", "B": "b.case"}, boundary="room", hours=8, samples=481, swing=0.0)
         fit = td.calibrate(model, data, [JOINT])
-        found = td.energy_balance(fit, data, "7 [h]", "end")
+        found = td.explain.energy_balance(fit, data, "7 [h]", "end")
         assert found.calculated == ("mid",)
         assert set(found.unexplained) == {"a.case", "b.case"}
         assert found.closes
@@ -71,7 +71,7 @@ class TestBalance:
 
     def test_a_case_that_is_not_settled(self) -> None:
         with pytest.raises(RecordError, match=r"it drifts by"):
-            td.energy_balance(box(), bench(), "1 [h]", "2 [h]")
+            td.explain.energy_balance(box(), bench(), "1 [h]", "2 [h]")
 
 
 class TestNoise:
@@ -91,8 +91,8 @@ class TestNoise:
     def test_a_balance_counts_the_errors_of_a_fit(self) -> None:
         data = bench(hours=10)
         fit = td.calibrate(box(), bench(seed=2, hours=2.0), [HTC, MASS])
-        alone = td.energy_balance(fit.fitted_model, data, "9 [h]", "end")
-        found = td.energy_balance(fit, data, "9 [h]", "end")
+        alone = td.explain.energy_balance(fit.fitted_model, data, "9 [h]", "end")
+        found = td.explain.energy_balance(fit, data, "9 [h]", "end")
         assert found.total == pytest.approx(alone.total, abs=1e-6)
         rise = data.steady("9 [h]", "end")["T"].value - data.steady("9 [h]", "end")["ROOM"].value
         assert found.error == pytest.approx(np.hypot(alone.error, 0.05 * rise * fit[HTC].error), rel=0.05)

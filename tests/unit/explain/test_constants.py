@@ -118,9 +118,9 @@ def test_two_standard_errors_make_doubtful_of_not_physical(side: float) -> None:
         assert RangeCheck("p", 5.0 + 6.0 * side, error, 0.0, 10.0, "", "", "").verdict == verdict
 
 
-def plausible(free: list[str], changes: dict[str, Any] | None = None, **more: Any) -> td.Plausibility:
+def plausible(free: list[str], changes: dict[str, Any] | None = None, **more: Any) -> td.explain.Plausibility:
     model = box(changes)
-    return td.plausibility(td.calibrate(model, log(model, {}, {"T": "case"}), free), **more)
+    return td.explain.plausibility(td.calibrate(model, log(model, {}, {"T": "case"}), free), **more)
 
 
 class TestRanges:
@@ -145,7 +145,7 @@ class TestRanges:
         data = log(
             model, {"stack.contact_conductance": "50 [W/(m^2 K)]"}, {"A": "a.case", "B": "b.case"}, boundary="room", loads={"a.heat": 6.0}
         )
-        found = td.plausibility(td.calibrate(model, data, ["stack.contact_conductance"]))["stack.contact_conductance"]
+        found = td.explain.plausibility(td.calibrate(model, data, ["stack.contact_conductance"]))["stack.contact_conductance"]
         assert (found.low, found.high) == pytest.approx((100.0, 5e4))
         assert f"A gap of air of {1e3 * 0.026 / found.value:.2g} mm" in str(found)
 
@@ -156,7 +156,7 @@ class TestRanges:
         from thermid.physics.radiation import linearised_htc
 
         fit = td.calibrate(box(), log(box(), {}, {"T": "case"}), [HTC])
-        found = td.plausibility(fit)[HTC]
+        found = td.explain.plausibility(fit)[HTC]
         run = td.simulate(fit.fitted_model, fit.experiments[0].bare, times=fit.experiments[0].times)
         case, air = run["case"].kelvin, run["air"].kelvin
         weight = (case - air) ** 2 / np.sum((case - air) ** 2)
@@ -243,7 +243,7 @@ class TestDiagnosis:
         run = td.simulate(model, given, times=np.linspace(0.0, 18000.0, 241))
         shift, nodes = {"A": -1.0, "B": -1.3}, {"A": "a.case", "B": "b.case"}
         made = {s: td.Channel.of(s, run[n].kelvin + shift[s], role="node", target=n, noise=noise) for s, n in nodes.items()}
-        told = td.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
+        told = td.explain.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
         found = {s.name: s for s in told.suspects}
         edges = np.linspace(0.0, 18000.0, 25)
         centres = (edges[1:] + edges[:-1]) / 2
@@ -272,14 +272,14 @@ class TestDiagnosis:
         run = td.simulate(hidden, given, times=np.linspace(0.0, 18000.0, 241))
         nodes = {"A": "a.case", "B": "b.case"}
         made = {s: td.Channel.of(s, run[n].kelvin, role="node", target=n, noise=0.05, accuracy=0.05) for s, n in nodes.items()}
-        told = td.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
+        told = td.explain.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
         found = next(s for s in told.suspects if s.name == "power of a.heat")
         assert found.amount == pytest.approx(-0.9 - 0.1 / 8.0, abs=0.003)
 
 
 def test_evidence_is_the_gain_less_what_chance_gains(plain: Calibration) -> None:
     """BIC: twice the gain in log-likelihood less the logarithm of the number of stretches, at most 150 of a trace, a parameter."""
-    told = td.criticise(plain, elements=True)
+    told = td.explain.criticise(plain, elements=True)
     tried = [c for c in told.candidates if c.fit is not None]
     for c in tried:
         assert c.fit is not None

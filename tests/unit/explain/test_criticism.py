@@ -33,7 +33,7 @@ def fitted(truth: td.Model, node: str = "case", **more: Any) -> td.Calibration:
 
 
 def test_noise_is_left_alone() -> None:
-    found = td.criticise(fitted(box(BARE)))
+    found = td.explain.criticise(fitted(box(BARE)))
     assert found.traces[0].white
     assert (found.candidates, found.suggested) == ((), None)
     assert "1 of 1 traces have white residuals" in str(found)
@@ -55,7 +55,7 @@ def test_noise_is_left_alone() -> None:
 )
 def test_what_was_left_out_is_suggested(changes: dict[str, Any], node: str, loads: Any, name: str) -> None:
     fit = fitted(box(changes), node, loads=loads)
-    found = td.criticise(fit)
+    found = td.explain.criticise(fit)
     best = found.suggested
     assert best is not None
     assert best.name == name
@@ -67,21 +67,21 @@ def test_what_was_left_out_is_suggested(changes: dict[str, Any], node: str, load
 
 def test_a_few_bad_readings_are_seen_by_their_size() -> None:
     """At 181 readings the lag shows in the first few alone: too few to colour the whole, too large for noise."""
-    (trace,) = td.criticise(fitted(box(LAG), "bulb", samples=181), elements=False).traces
+    (trace,) = td.explain.criticise(fitted(box(LAG), "bulb", samples=181), elements=False).traces
     assert trace.white
     assert trace.loud
     assert "RMSE 0.06 K for a noise of 0.05 K" in str(trace)
 
 
 def test_what_is_found_is_what_was_planted() -> None:
-    best = td.criticise(fitted(box(LAG), "bulb")).suggested
+    best = td.explain.criticise(fitted(box(LAG), "bulb")).suggested
     assert best is not None
     tau = float(best.found.split()[4])
     assert tau == pytest.approx(1 / 0.006, rel=0.4)
 
 
 def test_an_impossible_value_is_said_and_not_suggested() -> None:
-    found = td.criticise(fitted(box(LAG), "bulb"))
+    found = td.explain.criticise(fitted(box(LAG), "bulb"))
     odd = next(c for c in found.candidates if c.name.startswith("an inner mass"))
     assert not odd.possible
     assert "which is not physically possible" in str(odd)
@@ -91,7 +91,7 @@ def test_an_element_that_the_log_cannot_tell_is_refused_in_words() -> None:
     # at rest from the first reading a second mass does nothing
     data = log(box(BARE), {}, {"T": "case"}, start="steady", swing=0.0, samples=101)
     fit = td.calibrate(box(BARE), data, [HTC], scenario=td.Scenario("s", start="steady"))
-    found = td.criticise(fit, elements=True)
+    found = td.explain.criticise(fit, elements=True)
     refused = [c for c in found.candidates if c.fit is None]
     assert refused
     assert any(": could not be tried with these readings:" in str(c) for c in refused)
@@ -127,14 +127,14 @@ class TestMeasures:
 
 
 def test_picture(tmp_path: Path) -> None:
-    found = td.criticise(fitted(box(LAG), "bulb"), elements=False)
-    assert td.picture(found, tmp_path / "c.png").stat().st_size > 20_000
+    found = td.explain.criticise(fitted(box(LAG), "bulb"), elements=False)
+    assert td.reporting.picture(found, tmp_path / "c.png").stat().st_size > 20_000
 
 
 def test_a_calibration_from_elsewhere() -> None:
     fit = fitted(box(BARE), samples=51)
     with pytest.raises(td.ThermidError, match=r"was not made by a fit in this session"):
-        td.criticise(replace(fit, request=None))
+        td.explain.criticise(replace(fit, request=None))
 
 
 def rooms(slope: float, count: int = 8) -> td.Calibration:
@@ -157,12 +157,12 @@ def rooms(slope: float, count: int = 8) -> td.Calibration:
 
 
 def test_an_ambient_that_runs_with_the_power_is_a_failed_check() -> None:
-    found = td.criticise(rooms(0.2), elements=False)
+    found = td.explain.criticise(rooms(0.2), elements=False)
     assert len(found.checks) == 1
     assert "'air' of 8 records correlates with the mean of 'heat':" in found.checks[0]
     assert "failed check" in str(found)
 
 
 def test_ambients_that_only_scatter_pass() -> None:
-    assert td.criticise(rooms(0.0), elements=False).checks == ()
-    assert td.criticise(rooms(0.2, count=4), elements=False).checks == ()  # four records are too few to say so
+    assert td.explain.criticise(rooms(0.0), elements=False).checks == ()
+    assert td.explain.criticise(rooms(0.2, count=4), elements=False).checks == ()  # four records are too few to say so

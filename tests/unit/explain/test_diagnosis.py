@@ -23,7 +23,7 @@ WHOLE = {"T_PROC": "pre.proc.case", "T_ELE": "pre.ele.case", "T_DISK": "disk"} |
 
 def cases(model: td.Model) -> list[td.Scenario]:
     """A hot and a cold soak with some loads switched off towards the end."""
-    network = td.compile_network(model)
+    network = td.network.compile_network(model)
     loads, (room,) = [x.path for x in network.flat.loads], network.boundaries
     out = []
     for name, celsius, off in (("hot", 55, loads[:1]), ("cold", -20, loads[1:])):

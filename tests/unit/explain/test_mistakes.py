@@ -148,7 +148,7 @@ def test_a_stage_recovers_a_start_up_transient_and_the_mass(tmp_path: Path, shap
 
 def test_criticism_proposes_the_start_up_transient(tmp_path: Path) -> None:
     fit = td.run_stages(gyro(tmp_path, "step"))["gyro"]
-    found = td.criticise(fit)
+    found = td.explain.criticise(fit)
     assert found.suggested is not None
     assert found.suggested.name.startswith("a start-up transient of the power at 'case'; to include it write")
     assert "W more for the first 1" in found.suggested.found
@@ -160,7 +160,7 @@ def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_pat
     """Both add one exponential to the same reading, so the suggestion names the other one too."""
     fit = td.run_stages(gyro(tmp_path, "decay"))["gyro"]
     assert abs(fit["case.mass"].value / 0.743 - 1.0) > 0.05
-    said = str(td.criticise(fit)).splitlines()[-1]
+    said = str(td.explain.criticise(fit)).splitlines()[-1]
     assert "Suggested: " in said
     assert "a start-up transient of the power at 'case'" in said
     assert "a second mass behind a resistance at 'case'" in said

@@ -24,13 +24,13 @@ def fitted(truth: dict[str, str], free: list[str]) -> td.Calibration:
 
 class TestCoefficients:
     def test_still_air_and_radiation(self) -> None:
-        found = td.plausibility(fitted({HTC: "7 [W/(m^2 K)]"}, [HTC]))[HTC]
+        found = td.explain.plausibility(fitted({HTC: "7 [W/(m^2 K)]"}, [HTC]))[HTC]
         assert found.verdict == "possible"
         assert 2.0 < found.low < 5.0 < 10.0 < found.high < 15.0
         assert "still air over 500 cm^2" in str(found)
 
     def test_too_low_is_an_area_counted_twice(self) -> None:
-        found = td.plausibility(fitted({HTC: "1.5 [W/(m^2 K)]"}, [HTC]))
+        found = td.explain.plausibility(fitted({HTC: "1.5 [W/(m^2 K)]"}, [HTC]))
         assert found[HTC].verdict == "not physical"
         assert not found.physical
         assert "Too low: the area includes faces that do not convect" in str(found)
@@ -40,7 +40,7 @@ class TestCoefficients:
             ("20 [W/(m^2 K)]", "Too high for still air: the air moves,"),
             ("80 [W/(m^2 K)]", "Higher than with slow fans:"),
         ):
-            found = td.plausibility(fitted({HTC: value}, [HTC]))[HTC]
+            found = td.explain.plausibility(fitted({HTC: value}, [HTC]))[HTC]
             assert found.verdict == "not physical"
             assert words in str(found)
 
@@ -58,7 +58,7 @@ class TestCoefficients:
                 "ROOM": td.Channel.of("ROOM", run["air"].kelvin, role="boundary", target="air"),
             },
         )
-        found = td.plausibility(td.calibrate(part, data, [HTC]))[HTC]
+        found = td.explain.plausibility(td.calibrate(part, data, [HTC]))[HTC]
         assert found.verdict == "not physical"
         assert found.low > 2.2
         assert "Too low: the area includes faces that do not" in str(found)
@@ -71,7 +71,7 @@ class TestJoints:
         truth = {"possible": 300.0, "not physical": 30.0}
         for verdict, value in truth.items():
             data = log(model, {JOINT: f"{value} [W/(m^2 K)]"}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.01)
-            found = td.plausibility(td.calibrate(model, data, [JOINT]))[JOINT]
+            found = td.explain.plausibility(td.calibrate(model, data, [JOINT]))[JOINT]
             assert found.verdict == verdict
         assert "A gap of air of 0.8" in str(found)
         assert "IEEE Trans. CPT 28" in str(found)
@@ -86,40 +86,40 @@ class TestJoints:
 class TestMassesAndLosses:
     def test_a_capacitance_against_a_weight(self) -> None:
         fit = fitted({MASS: "1.7 [kg]"}, [MASS, HTC])
-        good = td.plausibility(fit, weights={"case": "1.6 [kg]"})
+        good = td.explain.plausibility(fit, weights={"case": "1.6 [kg]"})
         assert good[MASS].verdict == "possible"
-        heavy = td.plausibility(fit, weights={"case": "0.8 [kg]"})
+        heavy = td.explain.plausibility(fit, weights={"case": "0.8 [kg]"})
         assert heavy[MASS].verdict == "not physical"
         assert "It needs 191" in str(heavy)
         assert "a mass that was not weighed follows it," in str(heavy)
-        light = td.plausibility(fit, weights={"case": "5 [kg]"})
+        light = td.explain.plausibility(fit, weights={"case": "5 [kg]"})
         assert "part of the mass follows more slowly, or the power" in str(light)
 
     def test_a_power_against_a_converter(self) -> None:
         fit = fitted({"power": "3 [W]"}, ["power"])
-        assert td.plausibility(fit, delivered={"heat": "12 [W]"})["power"].verdict == "possible"
-        found = td.plausibility(fit, delivered={"heat": "2 [W]"})
+        assert td.explain.plausibility(fit, delivered={"heat": "12 [W]"})["power"].verdict == "possible"
+        found = td.explain.plausibility(fit, delivered={"heat": "2 [W]"})
         assert found["power"].verdict == "not physical"
         assert "A larger loss than converters have" in str(found)
         assert found["power"].high == pytest.approx(2.0 * (1 / 0.6 - 1))
 
     def test_a_power_that_is_not_looked_for_is_judged_too(self) -> None:
-        deck = td.plausibility(fitted({}, [HTC]), delivered={"heat": "2 [W]"})
+        deck = td.explain.plausibility(fitted({}, [HTC]), delivered={"heat": "2 [W]"})
         assert deck["heat by the deck"].verdict == "not physical"
         assert deck["heat by the deck"].value == 4.0
         assert not deck.physical
         with_meter = metered(log(box(BARE), {}, {"T": "case"}), "heat", 4.0, accuracy=0.1)
-        found = td.plausibility(td.calibrate(box(BARE), with_meter, [HTC]), delivered={"heat": "12 [W]"})
+        found = td.explain.plausibility(td.calibrate(box(BARE), with_meter, [HTC]), delivered={"heat": "12 [W]"})
         assert found["heat as logged"].verdict == "possible"
         assert found["heat as logged"].value == pytest.approx(4.0, abs=0.2)
         assert found["heat as logged"].error > 0.0
         idle = box({**BARE, "loads/idle": {"into": "case", "power": "0 [W]"}})
         off = td.calibrate(idle, log(idle, {}, {"T": "case"}), [HTC])
         with pytest.raises(IdentificationError, match=r"'idle' has no power in this fit, so its loss cannot be judged\. Name"):
-            td.plausibility(off, delivered={"idle": "2 [W]"})
+            td.explain.plausibility(off, delivered={"idle": "2 [W]"})
 
     def test_what_has_no_range_is_said(self) -> None:
-        found = td.plausibility(fitted({}, [AREA]))
+        found = td.explain.plausibility(fitted({}, [AREA]))
         assert found.unjudged == (AREA,)
         assert f"no physical range is known for {AREA}" in str(found)
         with pytest.raises(NameNotFoundError, match=r"no finding for 'skin\.area'\."):
@@ -129,6 +129,6 @@ class TestMassesAndLosses:
 def test_what_is_asked_must_make_sense() -> None:
     fit = fitted({}, [HTC])
     with pytest.raises(NameNotFoundError, match=r"no load 'heater'\. Did you mean 'heat'"):
-        td.plausibility(fit, delivered={"heater": "2 [W]"})
+        td.explain.plausibility(fit, delivered={"heater": "2 [W]"})
     with pytest.raises(IdentificationError, match=r"this calibration has no records, because it was read from a file\."):
-        td.plausibility(replace(fit, experiments=()))
+        td.explain.plausibility(replace(fit, experiments=()))

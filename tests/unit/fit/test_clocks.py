@@ -61,7 +61,7 @@ def logs(offset: float, rate: float) -> tuple[td.Record, td.Record]:
 
 def test_offset_and_rate_come_back() -> None:
     # powers of which nobody says when they changed: in the middle of an interval of 2 s, where these ramps have their mean
-    found = td.align(BOX, *logs(130.0, 1.08), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    found = td.inference.align(BOX, *logs(130.0, 1.08), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
     assert found.offset == pytest.approx(130.0, abs=0.5)
     assert found.rate == pytest.approx(1.08, abs=0.0007)
     # one change is known to 2 s over the root of 12; four of them tell offset and rate
@@ -72,21 +72,21 @@ def test_offset_and_rate_come_back() -> None:
 
 
 def test_a_rate_can_be_held() -> None:
-    found = td.align(BOX, *logs(130.0, 1.0), offset=(0.0, 300.0), scenario=AIR)
+    found = td.inference.align(BOX, *logs(130.0, 1.0), offset=(0.0, 300.0), scenario=AIR)
     assert (found.rate, found.rate_error) == (1.0, 0.0)
     assert found.offset == pytest.approx(130.0, abs=0.5)
-    both = td.align(BOX, *logs(130.0, 1.0), offset=(130.0, 130.0), scenario=AIR)
+    both = td.inference.align(BOX, *logs(130.0, 1.0), offset=(130.0, 130.0), scenario=AIR)
     assert (both.offset, both.offset_error) == (130.0, 0.0)
     assert both.rmse["T"] == pytest.approx(0.05, rel=0.1)
 
 
 def test_no_offset_is_refused() -> None:
     with pytest.raises(IdentificationError, match=r"the model fails at every offset in the given range\."):
-        td.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
+        td.inference.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
 
 
 def test_an_offset_at_the_end_of_its_range_says_so() -> None:
-    found = td.align(BOX, *logs(130.0, 1.0), offset=(60.0, 100.0), scenario=AIR)
+    found = td.inference.align(BOX, *logs(130.0, 1.0), offset=(60.0, 100.0), scenario=AIR)
     assert found.at_end == ("offset",)
     assert "offset 100.00 +- " in str(found)
     assert " s, the end of its range, rate 1.0000 +- 0;" in str(found)
@@ -96,14 +96,14 @@ def test_logs_that_do_not_tell_an_offset_are_refused() -> None:
     first, second = logs(130.0, 1.0)
     flat = second.with_channels(replace(second["P"], values=np.full(FAST.size, 5.0)))
     with pytest.raises(IdentificationError, match="the logs do not determine the offset:"):
-        td.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
+        td.inference.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
 
 
 def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:
     first, second = logs(130.0, 1.08)
     off = first.with_channels(replace(first["T"], values=first["T"].values + 0.5, accuracy=0.5))
-    plain = td.align(BOX, first, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-    found = td.align(BOX, off, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    plain = td.inference.align(BOX, first, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    found = td.inference.align(BOX, off, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
     assert found.offset == pytest.approx(plain.offset, abs=0.4)
     assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
 
@@ -129,7 +129,7 @@ def test_both_logs_may_hold_compared_temperatures() -> None:
     }
     first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", noisy["case"], role="node", target="case", noise=0.05)})
     beside = td.Channel.of("S", noisy["lid"], role="node", target="lid", noise=0.05)
-    found = td.align(pair, first, second.with_channels(beside), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+    found = td.inference.align(pair, first, second.with_channels(beside), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
     assert abs(found.offset - 130.0) < 2.0 * found.offset_error
     assert abs(found.rate - 1.08) < 2.0 * found.rate_error
     assert found.rmse == pytest.approx({"T": 0.05, "S": 0.05}, rel=0.2)
@@ -170,7 +170,7 @@ def test_the_moment_of_a_change_is_worth_what_the_log_says_of_it() -> None:
     phases = np.array([3.0, 8.0, 1.0, 6.0])
     errors = []
     for stated in (True, False):
-        found = td.align(BOX, *stepped(130.0, 1.08, phases, 2, stated=stated), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+        found = td.inference.align(BOX, *stepped(130.0, 1.08, phases, 2, stated=stated), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
         assert abs(found.offset - 130.0) < 2.0 * found.offset_error
         assert abs(found.rate - 1.08) < 2.0 * found.rate_error
         errors.append(found.offset_error)
@@ -186,7 +186,7 @@ def test_errors_of_an_alignment_hold_the_truth(stated: bool, wander: float) -> N
         rng = np.random.default_rng(1000 + seed)
         offset, rate, phases = rng.uniform(80.0, 200.0), rng.uniform(0.95, 1.1), rng.uniform(0.0, GRID, 4)
         given = stepped(offset, rate, phases, seed, wander, stated)
-        found = td.align(BOX, *given, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
+        found = td.inference.align(BOX, *given, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
         pulls.append([(found.offset - offset) / found.offset_error, (found.rate - rate) / found.rate_error])
     mean, inside, square = np.mean(pulls, axis=0), np.mean(np.abs(pulls) < 2.0, axis=0), np.mean(np.square(pulls), axis=0)
     print(f"stated {stated}, wandering {wander:g} K: mean pull {mean}, mean square {square}, within two errors {inside}")
@@ -256,7 +256,7 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     one, other = (td.predict(f, hot)["case"].final for f in (fit, known))
     assert one.celsius == pytest.approx(other.celsius, abs=0.02)
     assert 0.9 * other.error < one.error < 2.0 * other.error  # it counts that the clock is not known
-    assert td.discrepancy(fit).misfit["case"] == pytest.approx(td.discrepancy(known).misfit["case"], abs=0.01)
+    assert td.explain.discrepancy(fit).misfit["case"] == pytest.approx(td.explain.discrepancy(known).misfit["case"], abs=0.01)
 
 
 def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:

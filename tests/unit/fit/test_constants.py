@@ -41,7 +41,7 @@ class TestConstantCoefficients:
     """Exponent 0 to 1/3 and emissivity 0 to 0.95, each as likely as another: means and deviations of uniform distributions."""
 
     def test_shares_and_exponents(self, plain: td.Calibration) -> None:
-        of = td.discrepancy(plain)
+        of = td.explain.discrepancy(plain)
         black = 4.0 * STEFAN_BOLTZMANN * of.conditions["skin"].level ** 3 / plain[HTC].value
         most = min(1.0, 0.95 * black)
         share, spread = most / 2.0, most / math.sqrt(12.0)
@@ -54,19 +54,19 @@ class TestConstantCoefficients:
     def test_a_stated_emissivity_is_good_to_fifteen_per_cent(self) -> None:
         """Measured emissivities of one finish differ by so much; the share of radiation follows in proportion."""
         model = box({"surfaces/skin/emissivity": 0.5})
-        of = td.discrepancy(td.calibrate(model, log(model, {}, {"T": "case"}), [HTC]))
+        of = td.explain.discrepancy(td.calibrate(model, log(model, {}, {"T": "case"}), [HTC]))
         assert of.sizes["skin", "level"] / of.means["skin", "level"] == pytest.approx(0.15)
 
     def test_at_its_own_level_radiation_asks_for_no_other_coefficient(self, plain: td.Calibration) -> None:
         """The pattern is zero at the level of the fit, so a fit at one level answers to a unit of it by less than that varies there."""
-        of = td.discrepancy(plain)
+        of = td.explain.discrepancy(plain)
         k, name = list(of.sizes).index(("skin", "level")), of.names.index(HTC)
         assert abs(of.response[name, k]) < 0.03
 
     def test_two_surfaces_have_half_of_what_they_do_not_follow_in_common(self) -> None:
         model = pair()
         data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room")
-        of = td.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
+        of = td.explain.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
         keys, sizes = list(of.sizes), np.array(list(of.sizes.values()))
         correlation = of.root @ of.root.T / np.outer(sizes, sizes)
         for i, a in enumerate(keys):
@@ -79,7 +79,7 @@ class TestConstantCoefficients:
         case, air = run["case"].kelvin, run["air"].kelvin
         heat = np.abs(case - air)
         mean = np.exp(heat @ np.log(np.maximum(heat, 1e-9)) / heat.sum())
-        at = td.discrepancy(plain).conditions["skin"]
+        at = td.explain.discrepancy(plain).conditions["skin"]
         assert at.difference == pytest.approx(mean, rel=2e-3)
         assert at.level == pytest.approx(heat @ (case + air) / 2.0 / heat.sum(), rel=1e-4)
 

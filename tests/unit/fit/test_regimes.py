@@ -127,7 +127,7 @@ def test_a_start_is_part_of_a_kind(start: str, words: str) -> None:
 
 def test_thin_gas_is_another_kind() -> None:
     given = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
-    thin = given.with_(environment={"*": td.Environment("1000 [Pa]")})
+    thin = given.with_(environment={"*": td.network.Environment("1000 [Pa]")})
     kinds = []
     for scenario in (given, thin):
         ready = prepare(plate(), scenario, ())

@@ -72,7 +72,7 @@ def test_two_sensors_of_one_node_have_errors_of_their_own() -> None:
     # two instruments of one accuracy know the level sqrt 2 better than one
     assert found[HTC].error == pytest.approx(one[HTC].error / np.sqrt(2.0), rel=0.15)
     assert found.sensors["U"].rmse == pytest.approx(0.11, rel=0.2)
-    balance = td.energy_balance(found, both, "4 [h]", "end", limit="3 [K/h]")
+    balance = td.explain.energy_balance(found, both, "4 [h]", "end", limit="3 [K/h]")
     assert list(balance.unexplained) == ["case"]
     assert balance.closes
 

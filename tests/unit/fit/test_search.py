@@ -103,7 +103,7 @@ class TestValleys:
         with pytest.raises(MissingExtraError, match=r"needs 'cma', which is not installed.*pip install cma"):
             fitted("cma")
         with pytest.raises(MissingExtraError, match=r"needs 'emcee'.*pip install emcee"):
-            td.posterior(fitted("local"))
+            td.inference.posterior(fitted("local"))
 
     def test_one_parameter_is_no_population_for_cma(self) -> None:
         pytest.importorskip("cma")

@@ -153,17 +153,17 @@ def predicted(c: Cell) -> None:
 
 
 def taken_apart(c: Cell) -> None:
-    finite(td.split(c.fit)["skin"].emissivity)
+    finite(td.explain.split(c.fit)["skin"].emissivity)
 
 
 def fitted_jointly(c: Cell) -> None:
     assert c.campaign.joint is not None
     finite(list(c.campaign.joint.fitted.values()))
-    assert "box" in str(td.credibility(c.campaign))
+    assert "box" in str(td.explain.credibility(c.campaign))
 
 
 def criticised(c: Cell) -> None:
-    assert "T" in str(td.criticise(c.fit))
+    assert "T" in str(td.explain.criticise(c.fit))
 
 
 def kept(c: Cell) -> None:
@@ -173,18 +173,18 @@ def kept(c: Cell) -> None:
 
 
 def balanced(c: Cell) -> None:
-    found = td.energy_balance(c.fit, c.record, "3 [h]", limit="100 [K/h]")
+    found = td.explain.energy_balance(c.fit, c.record, "3 [h]", limit="100 [K/h]")
     finite([found.total, found.error])
     assert set(found.temperatures) == {"case", "air"}
 
 
 def profiled(c: Cell) -> None:
-    finite([td.profile(c.fit, HTC).low, td.profile(c.fit, HTC).high])
+    finite([td.inference.profile(c.fit, HTC).low, td.inference.profile(c.fit, HTC).high])
 
 
 def advised(c: Cell) -> None:
     hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration=HOUR)
-    finite([option.error for option in next_test(c.fit, HTC, [td.Action("hot", hot)]).options])
+    finite([option.error for option in next_test(c.fit, HTC, [td.design.Action("hot", hot)]).options])
 
 
 def identified(c: Cell) -> None:
@@ -192,16 +192,16 @@ def identified(c: Cell) -> None:
 
 
 def bounded(c: Cell) -> None:
-    found = td.discrepancy(c.fit)
+    found = td.explain.discrepancy(c.fit)
     finite(list(found.misfit.values()))
     assert set(found.conditions) == {"skin"}  # whatever its sensors add to the model
-    assert "case" in str(td.plausibility(c.fit))
+    assert "case" in str(td.explain.plausibility(c.fit))
 
 
 def foreseen(c: Cell) -> None:
     hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration=HOUR)
-    finite(td.foresee(td.Known.of(c.fit), hot).prediction["case"].final.error)
-    finite(td.uncertain_runs(c.fit.model, hot, c.fit, n=4, every=1800.0).temperatures)
+    finite(td.design.foresee(td.design.Known.of(c.fit), hot).prediction["case"].final.error)
+    finite(td.qualify.uncertain_runs(c.fit.model, hot, c.fit, n=4, every=1800.0).temperatures)
 
 
 def shown(c: Cell) -> None:
@@ -222,7 +222,7 @@ def drawn(c: Cell) -> None:
 
 
 def swapped(c: Cell) -> None:
-    plan = td.plan_retune(c.campaign, "box", c.folder / "cool.toml")
+    plan = td.design.plan_retune(c.campaign, "box", c.folder / "cool.toml")
     assert plan.touched
     as_json(swap_object(plan))
 
@@ -244,11 +244,13 @@ def diagnosed(c: Cell) -> None:
     read = log(pair(), {}, {"T": "a.case", "T2": "b.case"}, samples=31, boundary="room")
     part = c.record["T"].part
     worn = read.with_channels(replace(read["T"], part=part and replace(part, lead_to="room" if part.lead_to else "")))
-    finite(list(td.diagnose(td.compare(pair(), worn)).groups.values()))
+    finite(list(td.explain.diagnose(td.compare(pair(), worn)).groups.values()))
 
 
 def recovered(c: Cell) -> None:
-    found = td.power_history(c.fit.fitted_model, c.record, "heat", known=[("0 [min]", "60 [min]", "4 [W]")], prior="walk", every="30 [min]")
+    found = td.inference.power_history(
+        c.fit.fitted_model, c.record, "heat", known=[("0 [min]", "60 [min]", "4 [W]")], prior="walk", every="30 [min]"
+    )
     finite(found.power)
 
 

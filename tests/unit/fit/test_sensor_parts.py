@@ -21,7 +21,7 @@ def worn(**keys: object) -> Record:
 
 
 def test_a_sensor_is_a_model_of_the_bench() -> None:
-    part = td.SensorPart(lag=20.0, capacitance=2.0, lead_conductance=0.001, lead_to="air")
+    part = td.bench.SensorPart(lag=20.0, capacitance=2.0, lead_conductance=0.001, lead_to="air")
     made = sensor_model(part)
     assert made.needs == ("seat", "far")
     assert all(e.test_only for _, _, e in made.elements())
@@ -31,8 +31,8 @@ def test_a_sensor_is_a_model_of_the_bench() -> None:
 def test_leads_of_a_sensor_without_heat_capacity_take_heat_from_its_node() -> None:
     """A bead of no heat capacity is tied by next to nothing: leads on it would have it read the room."""
     keys = {"lag": "60 [s]", "lead": {"conductance": "1 [mW/K]", "to": "air"}}
-    assert sensor_model(td.SensorPart.read(keys, "T")).conductors["lead"].between == ("seat", "far")  # type: ignore[arg-type]
-    heavy = td.SensorPart.read({**keys, "capacitance": "2 [J/K]"}, "T")
+    assert sensor_model(td.bench.SensorPart.read(keys, "T")).conductors["lead"].between == ("seat", "far")  # type: ignore[arg-type]
+    heavy = td.bench.SensorPart.read({**keys, "capacitance": "2 [J/K]"}, "T")
     assert heavy is not None
     assert sensor_model(heavy).conductors["lead"].between == ("tip", "far")
 

@@ -28,7 +28,7 @@ def loose() -> td.Calibration:
 
 
 def test_where_the_fit_is_nearly_linear_the_interval_is_the_standard_error(known: td.Calibration) -> None:
-    found = td.profile(known, HTC)
+    found = td.inference.profile(known, HTC)
     value = known[HTC]
     assert found.limited == (True, True)
     for end, sign in ((found.low, -1), (found.high, 1)):
@@ -38,7 +38,7 @@ def test_where_the_fit_is_nearly_linear_the_interval_is_the_standard_error(known
 
 
 def test_at_its_ends_the_sum_of_squares_has_grown_by_the_quantile(known: td.Calibration) -> None:
-    found = td.profile(known, HTC, level=0.68)
+    found = td.inference.profile(known, HTC, level=0.68)
     assert found.threshold == pytest.approx(0.9889, abs=1e-3)
     assert found.threshold == pytest.approx(float(np.interp(found.high, found.values, found.rise)), rel=0.03)
     free = [u.name for u in known.problem.unknowns if u.name != HTC]  # type: ignore[union-attr]
@@ -49,7 +49,7 @@ def test_at_its_ends_the_sum_of_squares_has_grown_by_the_quantile(known: td.Cali
 
 
 def test_no_limit_on_one_side(loose: td.Calibration) -> None:
-    found = td.profile(loose, HTC)
+    found = td.inference.profile(loose, HTC)
     assert found.limited == (False, True)
     assert "no lower limit down to" in str(found)
     assert "95 % sure below" in str(found)
@@ -62,7 +62,7 @@ def test_no_limit_on_one_side(loose: td.Calibration) -> None:
 def test_no_limit_up_to_a_bound() -> None:
     data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=41, noise=0.1, hours=0.3)
     fit = td.calibrate(box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 0.001, "max": 8}}), data, [HTC, MASS])
-    found = td.profile(fit, HTC)
+    found = td.inference.profile(fit, HTC)
     assert found.limited[1] is False
     assert found.high == pytest.approx(8.0)
     assert "no upper limit up to the bound 8" in str(found)
@@ -70,12 +70,12 @@ def test_no_limit_up_to_a_bound() -> None:
 
 def test_a_name_that_was_not_free(known: td.Calibration) -> None:
     with pytest.raises(NameNotFoundError, match=r"'skin\.area' was not free in this fit"):
-        td.profile(known, AREA)
+        td.inference.profile(known, AREA)
 
 
 class TestValley:
     def test_of_a_fit_is_lowest_at_its_end(self, known: td.Calibration) -> None:
-        found = td.valley(known, HTC, MASS, points=11)
+        found = td.inference.valley(known, HTC, MASS, points=11)
         assert np.unravel_index(found.rise.argmin(), found.rise.shape) == (5, 5)
         assert found.best == pytest.approx((known[HTC].value, known[MASS].value))
         # of two parameters alone: what the covariance says, at one standard error of the first and the best second
@@ -85,32 +85,32 @@ class TestValley:
     def test_before_a_fit_shows_what_would_be_refused(self) -> None:
         data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=41, noise=0.1)
         told = td.identifiability(box(), data, [HTC, AREA, MASS])
-        found = td.valley(told, HTC, AREA, points=25)
+        found = td.inference.valley(told, HTC, AREA, points=25)
         assert not found.fitted
         product = found.along[:, 0] * found.along[:, 1]
         inside = np.isfinite(product)
         assert inside.sum() > 12
         assert product[inside] == pytest.approx(5.0 * 0.05, rel=0.04)  # a third of the map's step
         with pytest.raises(NameNotFoundError, match=r"'skin\.are' is not free here\. Did you mean 'skin\.area'"):
-            td.valley(told, HTC, "skin.are")
+            td.inference.valley(told, HTC, "skin.are")
 
 
 class TestPictures:
     def test_are_written(self, known: td.Calibration, loose: td.Calibration, tmp_path: Path) -> None:
-        for name, thing in (("p", td.profile(loose, HTC)), ("v", td.valley(known, HTC, MASS, points=7))):
-            made = td.picture(thing, tmp_path / f"{name}.png")
+        for name, thing in (("p", td.inference.profile(loose, HTC)), ("v", td.inference.valley(known, HTC, MASS, points=7))):
+            made = td.reporting.picture(thing, tmp_path / f"{name}.png")
             assert made.read_bytes()[:4] == b"\x89PNG"
             assert made.stat().st_size > 10_000
 
     def test_of_something_else(self, tmp_path: Path) -> None:
         with pytest.raises(ThermidError, match=r"Pictures exist of Profile, Valley, Criticism, Hold, ProfileRun\."):
-            td.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
+            td.reporting.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
 
 
 def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tmp_path: Path) -> None:
     with pytest.raises(ThermidError, match=r"a level of 95 is not a probability\."):
-        td.profile(known, HTC, level=95)
+        td.inference.profile(known, HTC, level=95)
     with pytest.raises(ThermidError, match="was given twice"):
-        td.valley(known, HTC, HTC)
+        td.inference.valley(known, HTC, HTC)
     with pytest.raises(ThermidError, match=r"'x\.bmp': the name of a picture must end in \.png, \.svg, \.pdf\."):
-        td.picture(td.criticise(known), tmp_path / "x.bmp")
+        td.reporting.picture(td.explain.criticise(known), tmp_path / "x.bmp")

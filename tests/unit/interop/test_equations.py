@@ -25,15 +25,15 @@ def straight() -> td.Model:
 
 
 def rates(model: td.Model, temperatures: np.ndarray, boundaries: np.ndarray, powers: np.ndarray) -> np.ndarray:
-    space = td.state_space(td.compile_network(model))
+    space = td.network.state_space(td.network.compile_network(model))
     return space.A @ temperatures + space.B_boundary @ boundaries + space.B_load @ powers
 
 
 @pytest.mark.parametrize("deck", ["", "m_PrE", "m_AccS", "m_Sd"])
 def test_the_code_gives_the_rates_of_the_state_space(deck: str) -> None:
     model = td.load_model(DECKS / f"{deck}.toml") if deck else straight()
-    found = td.equations(model)
-    space = td.state_space(td.compile_network(model))
+    found = td.interop.equations(model)
+    space = td.network.state_space(td.network.compile_network(model))
     rng = np.random.default_rng(4)
     t, b, q = (rng.uniform(280.0, 330.0, n) for n in (len(space.nodes), len(space.boundaries), len(space.loads)))
     names: dict[str, object] = {}
@@ -44,7 +44,7 @@ def test_the_code_gives_the_rates_of_the_state_space(deck: str) -> None:
 
 def test_the_matrix_is_that_of_the_state_space() -> None:
     model = straight()
-    found, space = td.equations(model), td.state_space(td.compile_network(model))
+    found, space = td.interop.equations(model), td.network.state_space(td.network.compile_network(model))
     a = np.array(found.expanded(found.matrix).subs(found.values).tolist(), dtype=float)
     assert a == pytest.approx(space.A, rel=1e-12)
 
@@ -52,7 +52,7 @@ def test_the_matrix_is_that_of_the_state_space() -> None:
 def test_the_steady_state_is_that_of_the_simulator() -> None:
     model = straight()
     held = td.steady(model, td.Scenario(boundaries={"air": "20 [degC]", "wall": "30 [degC]"}))
-    found = td.equations(model)
+    found = td.interop.equations(model)
     given = {**found.values, "T_air": 293.15, "T_wall": 303.15, "Q_heater": 30.0, "Q_seam_heater": 2.0}
     settled = {str(s): float(e.subs(given)) for s, e in found.steady.items()}
     assert settled == pytest.approx({"T_box": held["box"], "T_lid": held["lid"]}, rel=1e-9)
@@ -65,7 +65,7 @@ def test_the_steady_state_is_that_of_the_simulator() -> None:
 def test_the_octave_code_runs(tmp_path: Path) -> None:
     """The function in the place of the exported one's own: the same temperatures."""
     model = td.load_model(DECKS / "m_PrE.toml")
-    found = td.equations(model)
+    found = td.interop.equations(model)
     scenario = td.Scenario(boundaries={"cv": "24 [degC]"}, duration="1 [h]")
     times = np.array([0.0, 1200.0, 3600.0])
     held = " ".join(f"p.{n} = {v!r};" for n, v in found.values.items())
@@ -82,7 +82,7 @@ def test_the_octave_code_runs(tmp_path: Path) -> None:
 
 
 def test_one_node_is_eq_3() -> None:
-    found = td.equations(td.load_model(DECKS / "Acc.toml"), {"skin": "R_conv", "case": "T_m", "cv": "T_k", "electronics": "Q_k"})
+    found = td.interop.equations(td.load_model(DECKS / "Acc.toml"), {"skin": "R_conv", "case": "T_m", "cv": "T_k", "electronics": "Q_k"})
     assert str(found).splitlines()[:2] == ["Acc", "  C_m dT_m/dt = Q_k - (T_m - T_k)/R_conv"]
     assert [str(e) for e in found.steady.values()] == ["Q_k*R_conv + T_k"]
     assert found.values == pytest.approx({"C_m": 25.92, "R_conv": 39.63196}, rel=1e-6)
@@ -100,25 +100,25 @@ def test_one_node_is_eq_3() -> None:
 )
 def test_names_that_do_not_fit_are_refused(names: dict[str, str], message: str) -> None:
     with pytest.raises(td.ThermidError) as caught:
-        td.equations(straight(), names)
+        td.interop.equations(straight(), names)
     assert message in str(caught.value)
 
 
 def test_a_law_that_is_not_linear_is_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"hot box: 'free' is not a linear, two-way law \(power\), so it has no symbolic equation\."):
-        td.equations(hot_box())
+        td.interop.equations(hot_box())
 
 
 def test_a_steady_state_that_nobody_reads_or_that_is_none_is_refused() -> None:
     with pytest.raises(td.ThermidError, match="m_Sd has 10 states; a symbolic steady state is limited to 6"):
-        _ = td.equations(td.load_model(DECKS / "m_Sd.toml")).steady
+        _ = td.interop.equations(td.load_model(DECKS / "m_Sd.toml")).steady
     alone = {"title": "pair", "nodes": {"a": {"capacitance": "1 [J/K]"}, "b": {"capacitance": "1 [J/K]"}}}
     alone["conductors"] = {"ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "1 [W/K]"}}
     with pytest.raises(td.ThermidError, match="there is no steady state: a part has no path to a boundary"):
-        _ = td.equations(td.model_from_dict(alone)).steady
+        _ = td.interop.equations(td.model_from_dict(alone)).steady
 
 
 def test_without_sympy_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sympy", None)
     with pytest.raises(td.ThermidError, match=r"needs 'sympy', which is not installed. Install with: .* -m pip install sympy"):
-        td.equations(straight())
+        td.interop.equations(straight())

@@ -40,14 +40,14 @@ def box(bar: dict[str, Any] | None = None, **link: Any) -> td.Model:
 
 def test_octave_reads_the_same_lines(tmp_path: Path) -> None:
     times = np.linspace(0.0, 600.0, 31)
-    td.to_octave(box(BAR), BENCH, tmp_path / "tabled.m")
+    td.interop.to_octave(box(BAR), BENCH, tmp_path / "tabled.m")
     ours = td.simulate(box(BAR), BENCH, times=times, options=TIGHT)
     found = octave(tmp_path / "tabled.m", times)
     assert np.abs(found - np.column_stack([ours["x"].celsius, ours["y"].celsius])).max() < 2e-6
 
 
 def test_spice_reads_the_same_lines(tmp_path: Path) -> None:
-    td.to_spice(box(), BENCH, tmp_path / "box.cir")
+    td.interop.to_spice(box(), BENCH, tmp_path / "box.cir")
     times, found = ngspice(tmp_path / "box.cir")
     ours = td.simulate(box(), BENCH, times=times, options=TIGHT)
     assert np.abs(found["x"] - ours["x"].celsius).max() < 2e-3
@@ -55,8 +55,8 @@ def test_spice_reads_the_same_lines(tmp_path: Path) -> None:
 
 def test_what_is_not_written_is_refused() -> None:
     with pytest.raises(DeckError, match=r"'link' is a smooth table, which is not written to Octave\."):
-        td.to_octave(box(interpolation="smooth"), BENCH)
+        td.interop.to_octave(box(interpolation="smooth"), BENCH)
     with pytest.raises(DeckError, match="a table with outside = 'refuse' is not written to SPICE,"):
-        td.to_spice(box(outside="refuse"), BENCH)
+        td.interop.to_spice(box(outside="refuse"), BENCH)
     with pytest.raises(DeckError, match="not written to SPICE: potential"):
-        td.to_spice(box(BAR), BENCH)
+        td.interop.to_spice(box(BAR), BENCH)

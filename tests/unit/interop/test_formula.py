@@ -42,7 +42,7 @@ def test_the_text_computes_to_the_value(formula: Formula, text: str) -> None:
 
 
 def test_the_rows_keep_their_numbers() -> None:
-    network = td.compile_network(hot_box())
+    network = td.network.compile_network(hot_box())
     plain, made = network.numbers(), with_formulas(network)
     for one, other in zip((*plain.conductors, *plain.loads), (*made.conductors, *made.loads), strict=True):
         assert [float(c) for c in other.coefficients] == [float(c) for c in one.coefficients]

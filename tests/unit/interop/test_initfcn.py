@@ -10,7 +10,7 @@ import thermid as td
 
 
 def texts(script: str) -> dict[str, str]:
-    return {n: p.text for n, p in td.read_initfcn(script).parameters.items()}
+    return {n: p.text for n, p in td.interop.read_initfcn(script).parameters.items()}
 
 
 @pytest.mark.parametrize(
@@ -32,14 +32,14 @@ def texts(script: str) -> dict[str, str]:
     ],
 )
 def test_a_value_is_read(script: str, text: str, number: float) -> None:
-    found = td.read_initfcn(script)
+    found = td.interop.read_initfcn(script)
     assert found.parameters["a"].text == text
     assert found.numbers["a"] == pytest.approx(number, rel=1e-15)
     assert found.remarks == ()
 
 
 def test_names_stay_where_their_units_say_the_same() -> None:
-    found = td.read_initfcn("L = 25; % [mm]\nA = L^2; % [mm^2]\nB = L*L;\nC = A; V = A*L; % [mm^2] [mm^3]\n")
+    found = td.interop.read_initfcn("L = 25; % [mm]\nA = L^2; % [mm^2]\nB = L*L;\nC = A; V = A*L; % [mm^2] [mm^3]\n")
     assert texts("L = 25; % [mm]\nA = L^2; % [mm^2]\nB = L*L;\nC = A;") == {"L": "25 [mm]", "A": "L**2", "B": "L*L", "C": "A"}
     assert found.parameters["V"].text == "A*L"
     assert found.numbers["V"] == 15625.0
@@ -47,7 +47,7 @@ def test_names_stay_where_their_units_say_the_same() -> None:
 
 
 def test_units_that_do_not_agree_are_remarked_and_the_comment_wins() -> None:
-    found = td.read_initfcn("L = 25; % [mm]\nA = L*L; % [m^2]\nB = L; % [kg]")
+    found = td.interop.read_initfcn("L = 25; % [mm]\nA = L*L; % [m^2]\nB = L; % [kg]")
     assert found.parameters["A"].text == "625.0 [m^2]"
     assert found.parameters["A"].basis == "L*L in the script"
     assert found.remarks == (
@@ -58,7 +58,7 @@ def test_units_that_do_not_agree_are_remarked_and_the_comment_wins() -> None:
 
 def test_a_plain_factor_takes_no_part_in_the_units() -> None:
     """1.08 has no unit in its comment and scales what has one."""
-    found = td.read_initfcn("f = 1.08; a = 2; % area [m^2]\nb = f*a; % [m^2]")
+    found = td.interop.read_initfcn("f = 1.08; a = 2; % area [m^2]\nb = f*a; % [m^2]")
     assert found.parameters["b"].text == "2.16 [m^2]"  # two values, one bracket: neither has a unit
     assert [r.partition(", so")[0] for r in found.remarks] == [
         "line 1: 'f' has no unit in its comment: 1 in brackets for 2 values of the line",
@@ -71,13 +71,13 @@ def test_several_values_take_the_brackets_of_their_line_in_order() -> None:
 
 
 def test_temperatures_are_not_added_to_by_their_units() -> None:
-    found = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15;\nT0 = T;")
+    found = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15;\nT0 = T;")
     assert {n: p.text for n, p in found.parameters.items()} == {"T": "24 [degC]", "TK": "297.15", "T0": "T"}
     assert found.remarks == (
         "line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none, so its 297.15 is taken as a plain number. Add the "
         "unit to the comment",
     )
-    kelvin = td.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
+    kelvin = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
     assert kelvin.parameters["TK"].text == "297.15 [K]"
     assert kelvin.remarks == ()
 
@@ -88,7 +88,7 @@ def test_blocks_of_comments_and_printed_line_numbers_are_taken_off() -> None:
 
 
 def test_a_script_is_shown_with_its_remarks() -> None:
-    assert str(td.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
+    assert str(td.interop.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")) == (
         "mass  2 [kg]  Mass\nn     3\nremark: line 2: 'n' has no unit in its comment, so its value is taken as a plain number. Add the unit"
     )
 
@@ -124,27 +124,27 @@ def test_a_script_is_shown_with_its_remarks() -> None:
 )
 def test_what_is_not_understood_is_refused_with_its_line(script: str, message: str) -> None:
     with pytest.raises(td.ThermidError) as caught:
-        td.read_initfcn(script)
+        td.interop.read_initfcn(script)
     assert message in str(caught.value)
 
 
 def test_files_are_read_and_missing_ones_named(tmp_path: Path) -> None:
     file = tmp_path / "Acc.m"
     file.write_bytes("m = 0.054; % Massa do aceler\u00f4metro [kg].".encode("latin-1"))
-    found = td.read_initfcn(file)
+    found = td.interop.read_initfcn(file)
     assert (found.file, found.parameters["m"].note) == ("Acc.m", "Massa do aceler\u00f4metro")
     file.write_text("x = y;", encoding="utf-8")
     with pytest.raises(td.ThermidError, match=r"^Acc\.m:1: 'x' needs 'y'"):
-        td.read_initfcn(str(file))
+        td.interop.read_initfcn(str(file))
     with pytest.raises(td.ThermidError, match=r"there is no file 'Gyro\.m'"):
-        td.read_initfcn(tmp_path / "Gyro.m")
+        td.interop.read_initfcn(tmp_path / "Gyro.m")
 
 
 BLOCK = "m = 2; % [kg]\nc = 500; % [J/(kg K)]\nA = 0.1; % [m^2]\nh = 5; % [W/(m^2 K)]\nP = 3; % [W]\n"
 
 
 def test_a_block_is_made_of_the_values_by_their_units() -> None:
-    model = td.model_from_dict(td.read_initfcn(BLOCK).block("box"))
+    model = td.model_from_dict(td.interop.read_initfcn(BLOCK).block("box"))
     run = td.simulate(model, td.Scenario(boundaries={"air": "20 [degC]"}, duration="1 [h]"))
     assert run.time_constants == pytest.approx([2000.0])
     assert td.steady(model, td.Scenario(boundaries={"air": "20 [degC]"}))["case"] == pytest.approx(293.15 + 6.0)
@@ -152,12 +152,12 @@ def test_a_block_is_made_of_the_values_by_their_units() -> None:
 
 def test_a_block_that_is_open_is_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"'m' and 'n' both have the unit \[kg\], so the block's mass is"):
-        td.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
+        td.interop.read_initfcn(BLOCK + "n = 1; % [kg]").block("box")
     with pytest.raises(td.ThermidError, match=r"no value of the script has the unit \[W\], so the block has no power\."):
-        td.read_initfcn(BLOCK.replace("[W]", "")).block("box")
+        td.interop.read_initfcn(BLOCK.replace("[W]", "")).block("box")
 
 
 def test_the_parameters_go_through_a_deck(tmp_path: Path) -> None:
-    td.save_model(td.model_from_dict(td.read_initfcn(BLOCK).block("box")), tmp_path / "box.toml")
+    td.save_model(td.model_from_dict(td.interop.read_initfcn(BLOCK).block("box")), tmp_path / "box.toml")
     back = td.load_model(tmp_path / "box.toml")
     assert {n: p.text for n, p in back.parameters.items()} == texts(BLOCK)

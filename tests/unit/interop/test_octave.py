@@ -15,7 +15,7 @@ from unit.interop.programs import octave
 
 def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
     model, times = hot_box(), np.linspace(0.0, 3.0 * 3600.0, 25)
-    td.to_octave(model, SIGNALS, tmp_path / "hot_box.m")
+    td.interop.to_octave(model, SIGNALS, tmp_path / "hot_box.m")
     found = octave(tmp_path / "hot_box.m", times)
     ours = td.simulate(model, SIGNALS, times=times, options=TIGHT)
     assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
@@ -23,7 +23,7 @@ def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
 
 def test_values_can_be_changed_in_octave(tmp_path: Path) -> None:
     model, times = hot_box(), np.linspace(0.0, 3600.0, 5)
-    td.to_octave(model, SIGNALS, tmp_path / "hot_box.m")
+    td.interop.to_octave(model, SIGNALS, tmp_path / "hot_box.m")
     found = octave(tmp_path / "hot_box.m", times, "p.share = 0.5; p.leak_conductance = 0.2;")
     ours = td.simulate(model.with_values({"share": "0.5", "leak.conductance": "0.2 [W/K]"}), SIGNALS, times=times, options=TIGHT)
     assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
@@ -32,7 +32,7 @@ def test_values_can_be_changed_in_octave(tmp_path: Path) -> None:
 def test_a_gain_stands_in_place_of_the_power(tmp_path: Path) -> None:
     model, times = hot_box(), np.linspace(0.0, 3600.0, 5)
     scenario = SIGNALS.with_(gains={"heater": "_gain"})
-    assert "p.x_gain = 28;" in td.to_octave(model, scenario, tmp_path / "hot_box.m")
+    assert "p.x_gain = 28;" in td.interop.to_octave(model, scenario, tmp_path / "hot_box.m")
     found = octave(tmp_path / "hot_box.m", times)
     ours = td.simulate(model, scenario, times=times, options=TIGHT)
     assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
@@ -52,9 +52,9 @@ def test_a_gas_that_leaves_agrees(tmp_path: Path) -> None:
     from thermid.model.laws.signal import TableSignal
 
     pump = TableSignal(np.array([0.0, 1800.0]), np.array([101325.0, 0.0]), hold=True)
-    scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.Environment(pump)}, duration="1 [h]")
+    scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.network.Environment(pump)}, duration="1 [h]")
     times = np.linspace(0.0, 3600.0, 13)
-    td.to_octave(model, scenario, tmp_path / "plate.m")
+    td.interop.to_octave(model, scenario, tmp_path / "plate.m")
     ours = td.simulate(model, scenario, times=times, options=TIGHT)["plate"].celsius
     assert ours[-1] > ours[6] + 5.0
     assert np.abs(octave(tmp_path / "plate.m", times)[:, 0] - ours).max() < 2e-6
@@ -77,14 +77,14 @@ def test_a_steady_start_and_an_open_path(tmp_path: Path) -> None:
         }
     )
     held = td.Scenario(boundaries={"air": "20 [degC]"}, start="steady", duration="1 [h]")
-    text = td.to_octave(model, held, tmp_path / "pair.m")
+    text = td.interop.to_octave(model, held, tmp_path / "pair.m")
     assert "p.gap_resistance = Inf;" in text
     found = octave(tmp_path / "pair.m", np.array([0.0, 1800.0, 3600.0]))
     assert np.abs(found - [32.0, 41.0]).max() < 1e-6
 
 
 def test_the_file_says_what_it_is() -> None:
-    text = td.to_octave(hot_box(), SIGNALS)
+    text = td.interop.to_octave(hot_box(), SIGNALS)
     assert text.startswith("function [t, T, names] = hot_box(t, p)\n% hot_box: temperatures of the thermal model 'hot box' in the scenario")
     assert "  p.area = 0.1;  % [m^2]\n" in text
     assert "  p.glow_area = p.share*p.area;  % [m^2]\n" in text
@@ -96,9 +96,9 @@ def test_words_of_the_author_stay_in_their_comments() -> None:
     said = {"title": "box\nsystem('ls')", "parameters": {**HOT["parameters"], "area": {"value": "0.1 [m^2]", "note": "one\r\ntwo"}}}
     scenario = SIGNALS.with_(title="a\nb")
     model = td.model_from_dict({**HOT, **said})
-    assert "model 'box system('ls')' in the scenario 'a b'." in td.to_octave(model, scenario, name="box")
-    assert "% [m^2] one two\n" in td.to_octave(model, scenario, name="box")
-    assert td.to_spice(model, scenario).startswith("* box system('ls'), a b: volts are degC")
+    assert "model 'box system('ls')' in the scenario 'a b'." in td.interop.to_octave(model, scenario, name="box")
+    assert "% [m^2] one two\n" in td.interop.to_octave(model, scenario, name="box")
+    assert td.interop.to_spice(model, scenario).startswith("* box system('ls'), a b: volts are degC")
 
 
 def test_words_are_made_unlike() -> None:
@@ -134,7 +134,7 @@ POINTS = {"over": "difference", "interpolation": "smooth", "points": [["0 [K]", 
 )
 def test_what_cannot_be_written_is_refused(change: dict[str, dict[str, object]], scenario: dict[str, object], message: str) -> None:
     with pytest.raises(td.ThermidError) as caught:
-        td.to_octave(hot_box(**change), SIGNALS.with_(**scenario))
+        td.interop.to_octave(hot_box(**change), SIGNALS.with_(**scenario))
     assert message in str(caught.value)
 
 
@@ -142,11 +142,11 @@ def test_a_load_that_depends_on_temperature_is_refused() -> None:
     loads = {"heater": {"into": "box", "power": "3 [W]", "temperature_coefficient": "0.01 [1/K]", "reference_temperature": "20 [degC]"}}
     model = td.model_from_dict({**HOT, "loads": loads})
     with pytest.raises(td.ThermidError, match=r"the load 'heater' depends on temperature \(polynomial\), which is not written to Octave"):
-        td.to_octave(model, SIGNALS.with_(commands={}))
+        td.interop.to_octave(model, SIGNALS.with_(commands={}))
 
 
 @pytest.mark.parametrize("name", ["2boxes", "end", "initial", "hot-box", "x" * 64])
 def test_a_file_that_is_no_function_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(td.ThermidError, match=r"is not a valid name of a function\."):
-        td.to_octave(hot_box(), SIGNALS, tmp_path / f"{name}.m")
+        td.interop.to_octave(hot_box(), SIGNALS, tmp_path / f"{name}.m")
     assert list(tmp_path.iterdir()) == []

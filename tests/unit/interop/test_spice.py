@@ -16,7 +16,7 @@ def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
     """Behavioural sources, sines, ramps and jumps; massless nodes at curved laws too, since the simulator solves for them."""
     bent = {"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "0.02 [m^2]"}
     model = hot_box(bent=bent)
-    td.to_spice(model, SIGNALS, tmp_path / "hot.cir")
+    td.interop.to_spice(model, SIGNALS, tmp_path / "hot.cir")
     times, found = ngspice(tmp_path / "hot.cir")
     times = np.minimum(times, SIGNALS.seconds)
     ours = td.simulate(model, SIGNALS, times=times, options=TIGHT)
@@ -34,7 +34,7 @@ def test_the_netlist_of_one_mass() -> None:
             "loads": {"heater": {"into": "air", "power": "0.25 [W]"}},
         }
     )
-    assert td.to_spice(model, td.Scenario("test", boundaries={"Air": "24 [degC]"}, duration="5 [h]")) == (
+    assert td.interop.to_spice(model, td.Scenario("test", boundaries={"Air": "24 [degC]"}, duration="5 [h]")) == (
         "* block, test: volts are degC, amperes W, ohms K/W, farads J/K\n"
         "V_Air_2 Air_2 0 DC 24\n"
         "C_air air 0 26 IC=24\n"
@@ -49,10 +49,10 @@ def test_the_netlist_of_one_mass() -> None:
 
 
 def test_an_open_path_is_left_out() -> None:
-    text = td.to_spice(hot_box(leak={"kind": "conduction", "between": ["glue", "air"], "resistance": "inf [K/W]"}), SIGNALS)
+    text = td.interop.to_spice(hot_box(leak={"kind": "conduction", "between": ["glue", "air"], "resistance": "inf [K/W]"}), SIGNALS)
     assert "* leak: no conductance, an open path\n" in text
 
 
 def test_a_schedule_is_refused() -> None:
     with pytest.raises(td.ThermidError, match="'area' follows a schedule, which is not written to SPICE"):
-        td.to_spice(hot_box(), SIGNALS.with_(schedule={"area": "0.1 [m^2]"}))
+        td.interop.to_spice(hot_box(), SIGNALS.with_(schedule={"area": "0.1 [m^2]"}))

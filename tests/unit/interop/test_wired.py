@@ -50,14 +50,14 @@ STILL = td.Scenario(boundaries={"air": "20 [degC]"}, start="20 [degC]", duration
 def test_functions_stay_formulas() -> None:
     """The functions of expressions follow their parameters, by text and by value."""
     model = pipe()
-    network = td.compile_network(model)
+    network = td.network.compile_network(model)
     plain, made = network.numbers(), with_formulas(network)
     for one, other in zip(plain.conductors, made.conductors, strict=True):
         assert [float(c) for c in other.coefficients] == [float(c) for c in one.coefficients]
     w = wired(model, STILL, WIDE)
     values = {each.path: each.value for each in w.parameters}
     made_of = {"outer": 0.045, "inner": 0.02}
-    other = {p: float(v) for p, v in td.compile_network(model.with_values({"outer": "45 [mm]"})).numbers().values.items()}
+    other = {p: float(v) for p, v in td.network.compile_network(model.with_values({"outer": "45 [mm]"})).numbers().values.items()}
     names: dict[str, Any] = {"exp": math.exp, "sqrt": math.sqrt, "log": math.log, "min": min, "max": max}
     for each in w.parameters:
         if each.formula is not None:

@@ -110,7 +110,7 @@ def test_a_row_more_is_known_to_a_verdict_and_a_study(study: Path) -> None:
     assert not verdict.passed
     assert "T: swing" in str(verdict)
     assert "swing of the residuals" in str(verdicts(campaign).rows)
-    asked = td.load_study(study / "study.toml")
+    asked = td.design.load_study(study / "study.toml")
     assert asked.log(campaign)[-1]["swing"] == pytest.approx(check.found)
     table = step_log(asked, campaign)
     assert [c.title for c in table.columns][-2:] == ["swing of the residuals, K", "95th percentile, K"]
@@ -119,7 +119,7 @@ def test_a_row_more_is_known_to_a_verdict_and_a_study(study: Path) -> None:
 def test_a_row_more_is_known_to_a_correlation_and_a_plan(tmp_path: Path, row: None) -> None:
     measured(tmp_path)
     plan = project(tmp_path, with_log(PLAN.replace('each = "2 [K]"', 'swing = "0.001 [K]"')))
-    found = td.run_plan(plan)
+    found = td.qualify.run_plan(plan)
     trial = found["hot"]
     assert trial.correlation is not None
     (gate,) = [g for g in trial.correlation.failed if g.kind == "transient"]
@@ -127,7 +127,7 @@ def test_a_row_more_is_known_to_a_correlation_and_a_plan(tmp_path: Path, row: No
     assert (gate.criterion, gate.found) == ("swing", pytest.approx(np.ptp(worst.residuals)))
     assert "largest swing of the residuals" in str(trial.correlation)
     assert "swing of the residuals of every sensor" in str(gates(trial.correlation).rows)
-    assert "swing of the residuals, K" in td.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "swing of the residuals, K" in td.reporting.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
     again = correlate(trial.correlation.overlays, [Criteria("ours", swing=0.001, kinds=("transient",))])
     assert again.passed("ours") is False
 
@@ -151,4 +151,4 @@ def test_a_metric_that_is_none_is_refused(study: Path) -> None:
     text = (study / "study.toml").read_text(encoding="utf-8").replace('"p95"', '"p59"')
     (study / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"study\.toml:\d+, procedure\.metrics\.1: unknown metric 'p59'\. Did you mean 'p95'\?"):
-        td.load_study(study / "study.toml")
+        td.design.load_study(study / "study.toml")

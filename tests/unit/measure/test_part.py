@@ -15,7 +15,7 @@ ICE = 273.15
 
 
 def test_keys_are_read_in_their_units() -> None:
-    part = td.SensorPart.read(
+    part = td.bench.SensorPart.read(
         {
             "gain_accuracy": "0.5 [%]",
             "lag": "2 [min]",
@@ -34,7 +34,7 @@ def test_keys_are_read_in_their_units() -> None:
     assert (part.lead_conductance, part.lead_to) == (0.0005, "air")
     assert (part.low, part.high) == pytest.approx((ICE - 55, ICE + 125))
     assert part.gain_about == pytest.approx(ICE + 25)  # of a sensor compared at 25 C the scale turns there
-    assert td.SensorPart.read({"noise": "0.1 [K]"}, "T1") is None
+    assert td.bench.SensorPart.read({"noise": "0.1 [K]"}, "T1") is None
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_keys_are_read_in_their_units() -> None:
 )
 def test_half_a_statement_is_refused(table: dict[str, object], said: str) -> None:
     with pytest.raises(td.ThermidError, match=said):
-        td.SensorPart.read(table, "T1")
+        td.bench.SensorPart.read(table, "T1")
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_half_a_statement_is_refused(table: dict[str, object], said: str) -> Non
 )
 def test_a_certificate_and_the_accuracy_of_the_type_say_it_together(accuracy: float | None, mean: float, sd: float) -> None:
     channel = td.Channel.of("T", np.array([300.0, 301.0]), accuracy=accuracy)
-    made, said = certified(channel, td.SensorCertificate(0.4, 0.05))
+    made, said = certified(channel, td.bench.SensorCertificate(0.4, 0.05))
     assert made.values == pytest.approx(channel.values - mean)
     assert made.accuracy == pytest.approx(sd)
     assert ("times the accuracy of its" in said) == (accuracy == 0.05)

@@ -100,7 +100,7 @@ def test_the_worst_case_of_two_resistors_is_two_deviations() -> None:
 
 def test_instances_of_one_package_share_its_values_and_not_their_power() -> None:
     twins = deck(packages={"u1": U1 | {"package": "QFN48"}, "u2": U1 | {"package": "QFN48", "power": "0.5 [W]"}, "u3": U1})
-    known = td.identities(twins)
+    known = td.model.identities(twins)
     assert known["u1.deviation_JC"].paths == ("u1.deviation_JC", "u2.deviation_JC")
     assert known["u1.theta_JB"].paths == ("u1.theta_JB", "u2.theta_JB")
     assert known["u1.heat.power"].paths == ("u1.heat.power",)

@@ -66,7 +66,7 @@ def errors(found: Curve, function: Callable[[float], float], away_from: float | 
     ids=["natural convection", "bell", "exponential", "narrow peak", "steep", "straight"],
 )
 def test_the_table_meets_the_function_and_its_slope(function: Callable[[float], float], over: Any, between: tuple[str, str]) -> None:
-    value, slope = errors(td.law(function, over=over, between=between), function)
+    value, slope = errors(td.model.law(function, over=over, between=between), function)
     assert value < 2e-7
     assert slope < 1e-3
 
@@ -74,7 +74,7 @@ def test_the_table_meets_the_function_and_its_slope(function: Callable[[float], 
 def test_a_tolerance_is_kept_and_costs_points() -> None:
     sizes = []
     for tolerance in (1e-4, 1e-6, 1e-9):
-        found = td.law(lambda t: np.exp(-3000.0 / t), between=WARM, tolerance=tolerance)
+        found = td.model.law(lambda t: np.exp(-3000.0 / t), between=WARM, tolerance=tolerance)
         assert errors(found, lambda t: math.exp(-3000.0 / t))[0] < 2 * tolerance
         sizes.append(found.x.size)
     assert sizes[0] < sizes[1] < sizes[2] < 1000
@@ -82,24 +82,24 @@ def test_a_tolerance_is_kept_and_costs_points() -> None:
 
 @pytest.mark.parametrize("kink", [300.0, 301.2345])
 def test_a_kink_is_rounded_within_a_millikelvin(kink: float) -> None:
-    found = td.law(lambda t: np.maximum(0.0, t - kink), between=WARM)
+    found = td.model.law(lambda t: np.maximum(0.0, t - kink), between=WARM)
     assert found.x.size < 60
     assert np.abs(found.x - kink).min() <= FINEST
     assert errors(found, lambda t: max(0.0, t - kink), away_from=kink)[0] < 2e-7
 
 
 def test_a_cusp_at_zero_difference_has_a_point_there() -> None:
-    found = td.law(lambda d: 0.3 * np.abs(d) ** 0.33, over="difference", between=BOTH)
+    found = td.model.law(lambda d: 0.3 * np.abs(d) ** 0.33, over="difference", between=BOTH)
     assert 0.0 in found.x
     assert errors(found, lambda d: 0.3 * abs(d) ** 0.33, away_from=0.0)[0] < 1e-5  # the slope has no bound towards the cusp
 
 
 def test_arrays_and_single_numbers_give_the_same_table() -> None:
-    one = td.law(lambda t: max(1.0, math.sqrt(t)) if t > 0 else 1.0, between=WARM)
-    other = td.law(lambda t: np.maximum(1.0, np.sqrt(t)), between=WARM)
+    one = td.model.law(lambda t: max(1.0, math.sqrt(t)) if t > 0 else 1.0, between=WARM)
+    other = td.model.law(lambda t: np.maximum(1.0, np.sqrt(t)), between=WARM)
     assert one == other
     assert hash(one) == hash(other)
-    assert td.law(lambda t: 0.7, between=WARM).y.tolist() == [0.7, 0.7]
+    assert td.model.law(lambda t: 0.7, between=WARM).y.tolist() == [0.7, 0.7]
 
 
 @pytest.mark.parametrize(
@@ -119,26 +119,26 @@ def test_arrays_and_single_numbers_give_the_same_table() -> None:
 )
 def test_what_is_no_law_is_refused_in_words(function: Any, between: Any, words: str) -> None:
     with pytest.raises(td.ThermidError, match=words):
-        td.law(function, between=between)
+        td.model.law(function, between=between)
 
 
 def test_wrong_options_are_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"neither 'temperature' nor 'difference'.*Did you mean 'difference'"):
-        td.law(lambda t: t, over="diference", between=WARM)  # type: ignore[arg-type]
+        td.model.law(lambda t: t, over="diference", between=WARM)  # type: ignore[arg-type]
     with pytest.raises(td.ThermidError, match=r"a tolerance of 0 cannot be reached in double precision\."):
-        td.law(lambda t: t, between=WARM, tolerance=0.0)
+        td.model.law(lambda t: t, between=WARM, tolerance=0.0)
 
 
 def test_a_negative_conductance_is_refused_where_it_stands_and_a_negative_power_is_not() -> None:
     with pytest.raises(td.ThermidError, match=r"conductors\.skin: the table gives -\d.* W/K at 233\.15 K"):
-        hot_plate(td.law(lambda t: (t - 273.15) * 0.1, between=WARM))
-    model = hot_plate(td.law(lambda t: 0.1, between=WARM), load=td.law(lambda t: 0.1 * (293.15 - t), between=WARM))
+        hot_plate(td.model.law(lambda t: (t - 273.15) * 0.1, between=WARM))
+    model = hot_plate(td.model.law(lambda t: 0.1, between=WARM), load=td.model.law(lambda t: 0.1 * (293.15 - t), between=WARM))
     assert td.steady(model, scenario())["plate"] == pytest.approx(293.15, abs=1e-7)
 
 
 def test_a_law_equals_the_built_in_one() -> None:
     """Natural convection of kind `convection`, and the same with its smoothing as a function."""
-    law = td.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
+    law = td.model.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
     deck = {
         "title": "hot plate",
         "needs": ["room"],
@@ -156,7 +156,7 @@ def test_a_law_equals_the_built_in_one() -> None:
 
 
 def test_the_scale_of_a_law_can_be_freed() -> None:
-    law = td.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
+    law = td.model.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
     sim = td.prepare(hot_plate(law, scale=1.2), scenario(), ["skin.scale"], options=td.Options(tolerance=1e-10, relative=1e-11))
     slope = sim.run(sensitivities=True).sensitivity("plate", "skin.scale")
     high, low = (sim.run({"skin.scale": 1.2 + step})["plate"].kelvin for step in (1e-4, -1e-4))
@@ -164,20 +164,20 @@ def test_the_scale_of_a_law_can_be_freed() -> None:
 
 
 def test_a_run_that_leaves_the_range_says_so() -> None:
-    law = td.law(lambda d: 0.05 + 0.001 * np.abs(d), over="difference", between=("-20 [K]", "20 [K]"))
+    law = td.model.law(lambda d: 0.05 + 0.001 * np.abs(d), over="difference", between=("-20 [K]", "20 [K]"))
     run = td.simulate(hot_plate(law), scenario(10.0))
     (warning,) = run.warnings
     assert warning.startswith("'skin' left the range of its law, -20 to 20 K, at ")
     assert run["plate"].final == pytest.approx(20.0 + 5.0 / 0.07, abs=1e-3)  # constant beyond
-    wide = td.law(lambda d: 0.05 + 0.001 * np.abs(d), over="difference", between=("-90 [K]", "90 [K]"))
+    wide = td.model.law(lambda d: 0.05 + 0.001 * np.abs(d), over="difference", between=("-90 [K]", "90 [K]"))
     assert td.simulate(hot_plate(wide), scenario(10.0)).warnings == ()
-    heater = td.law(lambda t: 0.05 * (400.0 - t), between=("0 [degC]", "40 [degC]"))
+    heater = td.model.law(lambda t: 0.05 * (400.0 - t), between=("0 [degC]", "40 [degC]"))
     assert [w[:8] for w in td.simulate(hot_plate(wide, load=heater), scenario()).warnings] == ["'heater'"]
 
 
 def test_a_deck_keeps_a_law(tmp_path: Path) -> None:
-    table = td.law(lambda d: 0.3 * np.abs(d) ** 0.33, over="difference", between=BOTH)
-    model = hot_plate(table, load=td.law(lambda t: np.exp((t - 300.0) / 50.0), between=WARM))
+    table = td.model.law(lambda d: 0.3 * np.abs(d) ** 0.33, over="difference", between=BOTH)
+    model = hot_plate(table, load=td.model.law(lambda t: np.exp((t - 300.0) / 50.0), between=WARM))
     td.save_model(model, tmp_path / "plate.toml")
     again = td.load_model(tmp_path / "plate.toml")
     assert again.identity() == model.identity()
@@ -218,7 +218,7 @@ def test_a_law_runs_at_the_speed_of_a_built_in_one() -> None:
     }
     htc = {"coefficient": "3 [W/(m^2 K)]", "exponent": 0.25}
     ends: dict[str, Any] = {n: {"between": [n, "room"]} for n in names}
-    law = td.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
+    law = td.model.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
     built_in = {f"{n}_skin": {"kind": "convection", "area": "0.1 [m^2]", "htc": htc, **e} for n, e in ends.items()}
     tabled = {f"{n}_skin": {"kind": "table", "table": law, **e} for n, e in ends.items()}
     noise = np.random.default_rng(2).normal(293.15, 0.05, 3601)

@@ -231,8 +231,8 @@ def test_what_cannot_take_such_a_model_says_so() -> None:
     node = {"mass": "1 [kg]", "specific_heat": {"points": HEAT}}
     linked = td.model_from_dict({"title": "block", "needs": ["air"], "nodes": {"body": node}, "conductors": {"c": link}})
     with pytest.raises(SolverError, match="'body' is not linear"):
-        td.state_space(td.compile_network(linked))
+        td.network.state_space(td.network.compile_network(linked))
     with pytest.raises(DeckError, match="the specific heat of 'body' changes with temperature, which is not written"):
-        td.to_octave(block({"specific_heat": {"points": HEAT}}, emissivity=0), bench())
+        td.interop.to_octave(block({"specific_heat": {"points": HEAT}}, emissivity=0), bench())
     with pytest.raises(DeckError, match="takes no table of conductivity"):
         bar(2, {"kind": "contact", "conductivity": {"points": K}, "area": "2 [cm^2]"})

@@ -78,12 +78,12 @@ def by_simulate(folder: Path) -> tuple[float, str]:
 
 
 def by_hold(folder: Path) -> tuple[float, str]:
-    runs, found = td.load_hold(folder / "hold.toml").run()
+    runs, found = td.qualify.load_hold(folder / "hold.toml").run()
     return float(np.median(runs.of("body")[:, -1])) - 273.15, str(found)
 
 
 def by_plan(folder: Path) -> tuple[float, str]:
-    found = td.run_plan(folder / "plan.toml")
+    found = td.qualify.run_plan(folder / "plan.toml")
     assert found.to_dict()["remarks"] == list(found.known.remarks)
     return float(found["soak"].expected.prediction["body"].celsius[-1]), str(found)
 

@@ -46,9 +46,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def asked(folder: Path, text: str = QUESTION) -> td.Hold:
+def asked(folder: Path, text: str = QUESTION) -> td.qualify.Hold:
     (folder / "hold.toml").write_text(text, encoding="utf-8")
-    return td.load_hold(folder / "hold.toml").run()[1]
+    return td.qualify.load_hold(folder / "hold.toml").run()[1]
 
 
 def test_the_hold_time_is_the_closed_form(folder: Path) -> None:

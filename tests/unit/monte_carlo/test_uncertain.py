@@ -39,8 +39,8 @@ def plate(**more: object) -> td.Model:
 SCENARIO = td.Scenario("warm-up", boundaries={"air": "20 [degC]"}, start="air", duration="1 [h]")
 
 
-def runs(**more: object) -> td.UncertainRuns:
-    return td.uncertain_runs(plate(), SCENARIO, **{"spread": SPREAD, "n": 60, "chunk": 16, "seed": 3, **more})
+def runs(**more: object) -> td.qualify.UncertainRuns:
+    return td.qualify.uncertain_runs(plate(), SCENARIO, **{"spread": SPREAD, "n": 60, "chunk": 16, "seed": 3, **more})
 
 
 def test_a_draw_depends_on_seed_name_and_index_alone() -> None:
@@ -126,7 +126,7 @@ def test_values_of_a_unit_reach_it_on_its_host() -> None:
         {"title": "host", "needs": ["out"], "submodels": {"unit": {"use": plate(), "bind": {"air": "out"}}}, "aliases": {"U": "unit.body"}}
     )
     scenario = td.Scenario("x", boundaries={"out": "20 [degC]"}, duration="1 [h]")
-    found = td.uncertain_runs(host, scenario, fitted(), at="unit", n=20, nodes=["U"])
+    found = td.qualify.uncertain_runs(host, scenario, fitted(), at="unit", n=20, nodes=["U"])
     assert set(found.draws) == {"unit.loss.conductance", "unit.heater.power"}
     assert found.draws["unit.heater.power"].mean() == pytest.approx(11.0, abs=0.1)
 
@@ -148,11 +148,11 @@ def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
             "submodels": {"a": {"use": plate(), "bind": {"air": "air"}}, "b": {"use": plate(), "bind": {"air": "air"}}},
         }
     )
-    job = td.uncertain_runs(two, SCENARIO, spread={"*.conductance": "range"}, n=2).job
+    job = td.qualify.uncertain_runs(two, SCENARIO, spread={"*.conductance": "range"}, n=2).job
     # both instances share what one deck says
     assert job.budget.targets == (Target("a.loss.conductance", "add", ("b.loss.conductance",)),)
     own = {"*.conductance": "range", "a.loss.conductance": "1 [%]"}
-    budget = td.uncertain_runs(two, SCENARIO, spread=own, n=2).job.budget
+    budget = td.qualify.uncertain_runs(two, SCENARIO, spread=own, n=2).job.budget
     laws = {s.name: type(s.law.law) for s in budget.sources if isinstance(s.law, Shifted)}
     assert laws == {"b.loss.conductance": Uniform, "a.loss.conductance": Cut}
     assert all(t.also == () for t in budget.targets)
@@ -163,7 +163,9 @@ def test_weather_and_start_times_are_drawn() -> None:
     cold = day.with_(title="cold", boundaries={"air": "5 [degC]"})
     found = runs(spread={}, n=40, chunk=40)
     assert np.ptp(found.of("body")[:, -1]) == 0.0  # nothing was drawn
-    found = td.uncertain_runs(plate(), [day, cold], n=400, spread={"start_time": {"low": "0 [h]", "high": "6 [h]", "step": "2 [h]"}})
+    found = td.qualify.uncertain_runs(
+        plate(), [day, cold], n=400, spread={"start_time": {"low": "0 [h]", "high": "6 [h]", "step": "2 [h]"}}
+    )
     (name,) = found.draws
     assert name == "scenario and start_time"
     counts = np.bincount(found.draws[name].astype(int))
@@ -189,7 +191,7 @@ def test_a_start_later_keeps_tables_and_what_is_done() -> None:
 def test_tables_that_end_before_a_run_begun_last_are_refused() -> None:
     short = SCENARIO.with_(boundaries={"air": {"times": ["0 [h]", "1 [h]"], "values": ["10 [degC]", "20 [degC]"]}})
     with pytest.raises(ScenarioError, match=r"boundaries\.air: it ends at 1800 s and the run lasts 1 h"):
-        td.uncertain_runs(plate(), short, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=4)
+        td.qualify.uncertain_runs(plate(), short, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=4)
 
 
 # chunks ------------------------------------------------------------------------------------------------------------------------------
@@ -290,7 +292,7 @@ def test_mistakes_are_named(more: dict[str, object], words: str) -> None:
 
 def test_the_power_of_a_deck_that_the_scenario_gives_is_refused() -> None:
     with pytest.raises(td.ThermidError, match=r"the scenario gives the power of 'heater'.*Spread 'scale.heater' in per cent"):
-        td.uncertain_runs(plate(), SCENARIO.with_(loads={"heater": "3 [W]"}), spread={"heater.power": "5 [%]"}, n=4)
+        td.qualify.uncertain_runs(plate(), SCENARIO.with_(loads={"heater": "3 [W]"}), spread={"heater.power": "5 [%]"}, n=4)
 
 
 def test_a_node_that_was_not_kept() -> None:
@@ -319,7 +321,7 @@ def test_too_few_members_have_no_drivers() -> None:
 def test_sobol_of_a_sum_is_its_variances() -> None:
     """Settled, T = air + P/G: shares of 2 K and of 20 K times 5 % are 4 to 1."""
     job = runs(nodes=["body"], every="30 [min]").job
-    found = td.sobol_of(job, "body", 3600.0, base=256)
+    found = td.qualify.sobol_of(job, "body", 3600.0, base=256)
     settled = 1.0 - np.exp(-3600.0 * G / C)
     by_hand = np.array([2.0**2, (20.0 * settled * 0.05) ** 2])
     assert [found.total["air"], found.total["scale.heater"]] == pytest.approx(by_hand / by_hand.sum(), abs=0.03)
@@ -333,4 +335,4 @@ def test_sobol_of_a_sum_is_its_variances() -> None:
 def test_sobol_refuses(more: dict[str, object], words: str) -> None:
     base = {"base": more.pop("base")} if "base" in more else {}
     with pytest.raises(ScenarioError, match=words):
-        td.sobol_of(runs(**more).job, "body", **base)
+        td.qualify.sobol_of(runs(**more).job, "body", **base)

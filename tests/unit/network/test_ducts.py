@@ -76,13 +76,13 @@ def test_a_volume_is_a_mass_at_the_pressure_of_its_gas() -> None:
     """Turbulent, h goes with the mass to 0.8; a given mass gives one coefficient at any pressure; none in vacuum."""
     duct = {"kind": "duct", "diameter": "20 [mm]", "length": "1 [m]"}
     mass = duct | {"mass_flow": "3 [g/s]"}
-    half = {"environment": {"*": td.Environment(pressure="50663 [Pa]")}}
+    half = {"environment": {"*": td.network.Environment(pressure="50663 [Pa]")}}
     assert conductance(mass, **half) == pytest.approx(conductance(mass), rel=1e-9)
     density = 101325.0 / (AIR.constant * 293.15)
     volume = duct | {"volume_flow": f"{3e-3 / density!r} [m^3/s]"}
     assert conductance(volume) == pytest.approx(conductance(mass), rel=1e-9)
     assert conductance(volume, **half) < 0.7 * conductance(volume)
-    gone = run(mass, environment={"*": td.Environment(pressure="0 [Pa]")})
+    gone = run(mass, environment={"*": td.network.Environment(pressure="0 [Pa]")})
     assert gone.run()["wall"].kelvin[-1] == pytest.approx(293.15 + 2.0 * 3600.0 / 40.0, rel=1e-9)
 
 
@@ -140,4 +140,4 @@ def test_a_pressure_that_changes_is_refused() -> None:
     falling = {"times": ["0 [s]", "1 [h]"], "values": ["101325 [Pa]", "60000 [Pa]"]}
     duct = {"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"}
     with pytest.raises(td.ThermidError, match="changes, but the law of a"):
-        run(duct, environment={"*": td.Environment(pressure=falling)})
+        run(duct, environment={"*": td.network.Environment(pressure=falling)})

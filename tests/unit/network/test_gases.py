@@ -25,7 +25,7 @@ BENCH = td.Scenario("bench", boundaries={"air": "300 [K]"}, start="air", duratio
 def at(pressure: Any, **more: Any) -> td.Scenario:
     """The bench at a pressure [Pa]."""
     given = pressure if isinstance(pressure, TableSignal) else Constant(float(pressure))
-    return BENCH.with_(environment={"*": td.Environment(given, **more)})
+    return BENCH.with_(environment={"*": td.network.Environment(given, **more)})
 
 
 def box(skin: dict[str, Any] | None = None, links: dict[str, Any] | None = None, power: str = "2 [W]") -> td.Model:
@@ -50,7 +50,7 @@ def plates(gap: str, **more: Any) -> td.Model:
 def settled(model: td.Model, scenario: td.Scenario) -> float:
     """The coefficient that a settled run shows. [W/(m^2 K)]"""
     rise = td.steady(model, scenario)["case"] - 300.0
-    power = td.compile_network(model).numbers().values["heat.power"]
+    power = td.network.compile_network(model).numbers().values["heat.power"]
     return float(power / 0.04 / rise)
 
 
@@ -98,7 +98,7 @@ def test_a_gap_follows_the_mean_temperature() -> None:
         }
     )
     for p in (ATMOSPHERE, 30.0):
-        given = {"*": td.Environment(Constant(p))}
+        given = {"*": td.network.Environment(Constant(p))}
         run = td.simulate(model, td.Scenario("x", {"a": "400 [K]", "b": "300 [K]"}, environment=given, start="300 [K]", duration=1.0))
         assert run.heat_flow("gap")[-1] == pytest.approx(100.0 * gap_htc(AIR, 350.0, p, 1e-3, 0.9), rel=5e-3)
 
@@ -129,7 +129,7 @@ def test_contact_from_pressure_hardness_and_finish() -> None:
 )
 def test_gaps_that_cannot_be(link: dict[str, Any], message: str) -> None:
     with pytest.raises(DeckError, match=message.replace(".", r"\.")):
-        td.compile_network(box(links={"c": link}))
+        td.network.compile_network(box(links={"c": link}))
 
 
 # correlations --------------------------------------------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def test_a_gap_in_which_gas_would_convect_is_remarked() -> None:
 
 
 def test_a_volume_vented_to_nowhere_is_refused() -> None:
-    lost = BENCH.with_(environment={"air": td.Environment(vented="outsde", time_constant=60.0)})
+    lost = BENCH.with_(environment={"air": td.network.Environment(vented="outsde", time_constant=60.0)})
     for run in (td.simulate, td.steady):
         with pytest.raises(td.ThermidError, match="no node 'outsde'"):
             run(box({"htc": {"length": "5 [cm]"}}), lost)
@@ -263,7 +263,7 @@ def test_a_volume_vented_to_nowhere_is_refused() -> None:
 )
 def test_correlations_that_cannot_be(htc: dict[str, Any], message: str) -> None:
     with pytest.raises(DeckError, match=message):
-        td.compile_network(box({"htc": htc}))
+        td.network.compile_network(box({"htc": htc}))
 
 
 def test_a_correlation_outside_its_range_is_named_with_its_limits() -> None:
@@ -321,7 +321,7 @@ def test_a_coefficient_found_in_air_does_not_hold_in_another_gas() -> None:
 
 
 def test_a_sealed_volume_keeps_its_gas_in_vacuum() -> None:
-    sealed = BENCH.with_(environment={"air": td.Environment(sealed=True)}).vacuum()
+    sealed = BENCH.with_(environment={"air": td.network.Environment(sealed=True)}).vacuum()
     assert settled(box({"htc": "5 [W/(m^2 K)]"}), sealed) == pytest.approx(5.0)
 
 
@@ -357,16 +357,18 @@ def test_a_vented_volume_follows_with_its_time_constant() -> None:
 
 def test_a_volume_is_vented_to_one_that_has_a_pressure() -> None:
     with pytest.raises(ScenarioError, match="'air' is vented to 'air', which has no pressure of its own"):
-        td.simulate(box({"htc": "5 [W/(m^2 K)]"}), BENCH.with_(environment={"air": td.Environment(vented="air", time_constant=5.0)}))
+        td.simulate(
+            box({"htc": "5 [W/(m^2 K)]"}), BENCH.with_(environment={"air": td.network.Environment(vented="air", time_constant=5.0)})
+        )
 
 
 def test_gas_laws_are_not_written_to_other_programs() -> None:
     with pytest.raises(DeckError, match="'gap' is a law of gas at a pressure, which uses tables, which is not written to"):
-        td.to_octave(plates("1 [mm]"), BENCH)
+        td.interop.to_octave(plates("1 [mm]"), BENCH)
 
 
 def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:
-    inside = {"air": td.Environment(vented="*", time_constant=30.0), "*": td.Environment()}
+    inside = {"air": td.network.Environment(vented="*", time_constant=30.0), "*": td.network.Environment()}
     model = box({"htc": "5 [W/(m^2 K)]", "emissivity": 0.3})
     run = td.simulate(model, BENCH.with_(environment=inside, duration="60 [h]").vacuum())
     assert run["case"].kelvin[-1] == pytest.approx(td.steady(model, at(0.0))["case"], abs=0.05)
@@ -406,7 +408,7 @@ FREE = ["up.area", "up.htc.length", "side.area", "side.htc.length", "gap.area", 
 @pytest.mark.parametrize("pressure", [ATMOSPHERE, 50.0, PUMPED])
 def test_slopes_are_those_of_differences(pressure: Any) -> None:
     """Jacobian and parameter derivatives of the right-hand side, warm and cold."""
-    wiring = Wiring(td.compile_network(crowded(), media=at(pressure).media()), at(pressure), FREE)
+    wiring = Wiring(td.network.compile_network(crowded(), media=at(pressure).media()), at(pressure), FREE)
     engine = Engine(wiring)
     values = wiring.network.numbers().values
     x = np.array([0.0 if n == "air" else values[n] for n in FREE]) + np.array([300.0 if n == "air" else 0.0 for n in FREE])
@@ -474,10 +476,10 @@ def test_laws_and_flows_agree() -> None:
 
 
 def test_the_state_of_a_gas_may_be_written_as_text() -> None:
-    given = td.Environment(humidity="60 [%]", gravity="1.62 [m/s^2]", wind="2 [m/s]", vented="out", time_constant="1 [min]")
+    given = td.network.Environment(humidity="60 [%]", gravity="1.62 [m/s^2]", wind="2 [m/s]", vented="out", time_constant="1 [min]")
     assert (given.humidity, given.gravity, given.wind, given.time_constant) == (0.6, 1.62, Constant(2.0), 60.0)
     with pytest.raises(td.ThermidError, match=r"wind: '\[K\]' is a temperature difference; a quantity in m s"):
-        td.Environment(wind="2 [K]")
+        td.network.Environment(wind="2 [K]")
 
 
 @pytest.mark.parametrize("surface", [{"htc": 0, "emissivity": 1.5}, {"htc": "5 [W/(m^2 K)]", "emissivity": 90}])

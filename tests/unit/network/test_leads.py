@@ -91,7 +91,7 @@ def test_series_and_powers_are_the_hyperbolic_functions(square: float) -> None:
 def test_a_lead_has_exact_derivatives() -> None:
     lead = model({"htc": "12 [W/(m^2 K)]", "to": "air", "count": 3})
     names = ("rod.htc", "rod.length", "rod.diameter", "rod.conductivity")
-    nominal = {n: td.compile_network(lead).numbers().values[n] for n in names}
+    nominal = {n: td.network.compile_network(lead).numbers().values[n] for n in names}
 
     def at(name: str, factor: float) -> td.Model:
         unit = {"rod.htc": "W/(m^2 K)", "rod.length": "m", "rod.diameter": "m", "rod.conductivity": "W/(m K)"}[name]
@@ -111,7 +111,7 @@ def test_without_gas_a_lead_conducts_and_radiates_alone() -> None:
     shine = 4 * 0.8 * STEFAN_BOLTZMANN * 293.15**3
     section = math.pi * 0.005**2 / 4
     in_air, without = (
-        [float(r.coefficients[0]) for r in td.compile_network(model(lead), media=s.media()).numbers().conductors]
+        [float(r.coefficients[0]) for r in td.network.compile_network(model(lead), media=s.media()).numbers().conductors]
         for s in (bench(), bench().vacuum())
     )
     assert in_air[:2] == pytest.approx(fin_conductances(12.0 + shine, math.pi * 0.005, 398.0, section, 0.3), rel=1e-12)
@@ -122,12 +122,14 @@ def test_without_gas_a_lead_conducts_and_radiates_alone() -> None:
 
 def test_pressure_between_and_in_time_ends_at_both() -> None:
     lead = {"htc": "12 [W/(m^2 K)]", "to": "air", "emissivity": 0}
-    steps = [heats(lead, bench(environment={"*": td.Environment(Constant(p))}))["rod.first"] for p in (ATMOSPHERE, 3e4, 1e3, 10.0, 1e-3)]
+    steps = [
+        heats(lead, bench(environment={"*": td.network.Environment(Constant(p))}))["rod.first"] for p in (ATMOSPHERE, 3e4, 1e3, 10.0, 1e-3)
+    ]
     assert np.all(np.diff(steps) < 0)
     assert steps[-1] == pytest.approx(0.0, abs=1e-3 * steps[0])
     for hold in (True, False):
         pump = TableSignal(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), hold=hold, after="hold")
-        run = td.simulate(model(lead), bench(environment={"*": td.Environment(pump)}))
+        run = td.simulate(model(lead), bench(environment={"*": td.network.Environment(pump)}))
         assert run.heat_flow("rod.first")[-1] == pytest.approx(0.0, abs=1e-9)
         assert run.heat_flow("rod.first")[10] == pytest.approx(heats(lead)["rod.first"], rel=1e-6)
         assert run.heat_balance().relative < 1e-6

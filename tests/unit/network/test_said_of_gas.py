@@ -19,7 +19,9 @@ from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="air", duration="10 [h]")
 PUMPED = ROOM.with_(
-    environment={"*": td.Environment(TableSignal(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), after="hold"))}
+    environment={
+        "*": td.network.Environment(TableSignal(np.array([0.0, 600.0, 1200.0]), np.array([ATMOSPHERE, ATMOSPHERE, 0.0]), after="hold"))
+    }
 )
 HTC = {"htc": "5 [W/(m^2 K)]"}
 SAYS_NO_EMISSIVITY = (
@@ -91,15 +93,15 @@ def test_an_emissivity_or_zero_on_purpose_is_a_word() -> None:
     grey = painted.at("skin.emissivity").expression.literal.value
     assert (rise(painted, ROOM.vacuum()) + 293.15) ** 4 - 293.15**4 == pytest.approx(1.0 / (STEFAN_BOLTZMANN * grey * 0.01))
     assert td.simulate(plate(**HTC), ROOM.vacuum(as_printed=True).with_(duration="1 [h]"))["body"].final == pytest.approx(56.0)
-    sealed = ROOM.with_(environment={"air": td.Environment(sealed=True)})
+    sealed = ROOM.with_(environment={"air": td.network.Environment(sealed=True)})
     assert rise(plate(**HTC), sealed.vacuum()) == pytest.approx(20.0)
 
 
 def test_gas_so_thin_that_radiation_decides_is_remarked() -> None:
-    thin = ROOM.with_(environment={"air": td.Environment("50 [Pa]")}, duration="10 [min]")
+    thin = ROOM.with_(environment={"air": td.network.Environment("50 [Pa]")}, duration="10 [min]")
     assert any("in gas as thin as this it is most of the heat" in w for w in td.simulate(plate(**HTC), thin).warnings)
     assert td.simulate(plate(**HTC, emissivity=0.3), thin).warnings == ()
-    assert td.simulate(plate(**HTC), ROOM.with_(environment={"air": td.Environment("60 [kPa]")})).warnings == ()
+    assert td.simulate(plate(**HTC), ROOM.with_(environment={"air": td.network.Environment("60 [kPa]")})).warnings == ()
 
 
 def test_a_lead_with_a_bare_htc_lost_nothing_in_vacuum() -> None:
@@ -130,7 +132,7 @@ def test_a_lead_with_a_bare_htc_lost_nothing_in_vacuum() -> None:
 def test_an_emissivity_alone_in_air_had_no_convection_in_silence() -> None:
     """19.8 K from 1 W on 100 cm2."""
     alone = plate(emissivity=0.8)
-    for scenario in (ROOM, PUMPED, ROOM.with_(environment={"air": td.Environment("5 [Pa]")})):
+    for scenario in (ROOM, PUMPED, ROOM.with_(environment={"air": td.network.Environment("5 [Pa]")})):
         with refused(SAYS_NO_HTC):
             td.steady(alone, scenario)
     assert [f.severity for f in alone.check()] == ["warning"]
@@ -220,7 +222,7 @@ def test_what_else_radiated_into_air() -> None:
         "board_skin": box(skin={"htc": None, "effective_htc": "8 [W/(m^2 K)]"}),
     }.items():
         with pytest.raises(DeckError, match=f"'{name}' radiates to 'inside', which is gas"):
-            td.compile_network(model)
+            td.network.compile_network(model)
 
 
 def test_a_solid_that_air_passes_is_no_gas() -> None:
@@ -271,7 +273,7 @@ def test_a_part_of_one_air_is_bound_to_air_and_walls_apart(deeper: bool, tmp_pat
     changed = whole.replace("p", whole.submodels["p"].model)
     assert changed.submodels["p"].sees == {whole.submodels["p"].model.needs[0]: "wall"}
     with pytest.raises(NameNotFoundError, match="no node 'walll'"):
-        td.compile_network(
+        td.network.compile_network(
             td.model_from_dict(
                 to_dict(whole) | {"submodels": {"p": {"use": part(**skin), "bind": {"air": {"to": "inside", "sees": "walll"}}}}}
             )
@@ -308,7 +310,7 @@ def test_first_lines_say_what_stops_and_what_stays_without_gas() -> None:
         "without gas no heat flows through 'wall_in', 'slot' and 'draft'",
         "'seal' ends in 'inside' and stays without its gas. If this path leads through the gas, give it kind convection or gas",
     )
-    kept = ROOM.with_(environment={"inside": td.Environment(sealed=True), "wall": td.Environment(sealed=True)}).vacuum()
+    kept = ROOM.with_(environment={"inside": td.network.Environment(sealed=True), "wall": td.network.Environment(sealed=True)}).vacuum()
     assert td.simulate(model, kept).warnings == ()
 
 
@@ -329,7 +331,7 @@ def chain(**middle: Any) -> td.Model:
 
 def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
     """36.5 degC for 47.4 degC."""
-    found = td.reduce(chain(), ROOM, nodes=2)
+    found = td.qualify.reduce(chain(), ROOM, nodes=2)
     assert (
         found.remarks[0]
         == "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused"
@@ -339,7 +341,11 @@ def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
     assert again == found.model
     host = td.model_from_dict({"title": "host", "needs": ["room"], "submodels": {"p": {"use": again, "bind": {"air": "room"}}}})
     said = "'chain reduced to 2' was reduced with '"
-    others = {"pressure": td.Environment("60 [kPa]"), "gas": td.Environment(gas="He"), "gravity": td.Environment(gravity=0.0)}
+    others = {
+        "pressure": td.network.Environment("60 [kPa]"),
+        "gas": td.network.Environment(gas="He"),
+        "gravity": td.network.Environment(gravity=0.0),
+    }
     for scenario in (ROOM.vacuum(), PUMPED, *(ROOM.with_(environment={"air": e}) for e in others.values())):
         with refused(said.format("air")):
             td.simulate(again, scenario)
@@ -347,8 +353,8 @@ def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
         td.simulate(host, td.Scenario("x", boundaries={"room": "20 [degC]"}, start="room", duration="1 [h]").vacuum())
     assert td.simulate(again, ROOM)["c"].final == pytest.approx(td.simulate(chain(), ROOM)["c"].final, abs=0.05)
     with refused(said.format("air")):
-        td.reduce(chain(), [ROOM, ROOM.vacuum()], nodes=2)
-    empty = td.reduce(chain(), ROOM.vacuum(), nodes=2)
+        td.qualify.reduce(chain(), [ROOM, ROOM.vacuum()], nodes=2)
+    empty = td.qualify.reduce(chain(), ROOM.vacuum(), nodes=2)
     assert td.simulate(empty.model, ROOM.vacuum())["c"].final == pytest.approx(td.simulate(chain(), ROOM.vacuum())["c"].final, abs=0.3)
     with refused("'chain reduced to 2' was reduced with 'air' in one state, vacuum"):
         td.simulate(empty.model, ROOM)
@@ -357,8 +363,8 @@ def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
 def test_reduce_made_phase_change_constant_without_a_remark() -> None:
     wax = [["0 [degC]", "0 [kJ/kg]"], ["27 [degC]", "54 [kJ/kg]"], ["29 [degC]", "244 [kJ/kg]"], ["80 [degC]", "346 [kJ/kg]"]]
     with pytest.raises(DeckError, match="'b' stores heat by a table of enthalpy with latent heat, which"):
-        td.reduce(chain(mass="10 [g]", enthalpy={"points": wax}), ROOM, nodes=2)
+        td.qualify.reduce(chain(mass="10 [g]", enthalpy={"points": wax}), ROOM, nodes=2)
     rising = {"points": [["0 [degC]", "800 [J/(kg K)]"], ["100 [degC]", "1200 [J/(kg K)]"]]}
-    found = td.reduce(chain(mass="10 [g]", specific_heat=rising), ROOM, nodes=3)
+    found = td.qualify.reduce(chain(mass="10 [g]", specific_heat=rising), ROOM, nodes=3)
     assert any(r.startswith("'b' has a constant 912.9 ") and "instead of its table, which ranges from" in r for r in found.remarks)
     assert abs(found.worst.largest) < 0.02

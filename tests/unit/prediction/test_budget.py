@@ -79,24 +79,24 @@ def test_a_source_that_is_left_out_is_gone_from_every_consumer(tmp_path: Path) -
     routes = {
         "predict": td.predict(fit, far, nodes=[node], without=off),
         "discrepancy=False": td.predict(fit, far, nodes=[node], discrepancy=False),
-        "foresee": foresee(td.Known.of(fit), far, nodes=[node], without=off).prediction,
+        "foresee": foresee(td.design.Known.of(fit), far, nodes=[node], without=off).prediction,
     }
-    runs = td.uncertain_runs(fit.model, far, fit, n=400, nodes=[node], without=off)
+    runs = td.qualify.uncertain_runs(fit.model, far, fit, n=400, nodes=[node], without=off)
     for told in routes.values():
         assert told[node].error[-1] < 0.2 * wide.error[-1]
         assert any(x.what == "constant coefficients, misfit (switched off)" for x in told.left_out)
         assert str(told).splitlines()[0].startswith("not counted: constant coefficients, misfit (switched off)")
         assert told[node].error[-1] == pytest.approx(runs.of(node)[:, -1].std(), rel=0.15)
-    assert "not counted: constant coefficients, misfit (switched off)" in str(td.hold(runs, {node: "90 [degC]"}))
+    assert "not counted: constant coefficients, misfit (switched off)" in str(td.qualify.hold(runs, {node: "90 [degC]"}))
     assert [x.what for x in runs.left_out] == [x.what for x in routes["predict"].left_out]
 
 
 def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     assumed = {"value": "0.05 [m^2]", "min": 0.03, "max": 0.07, "source": "assumed"}
     model = plate({"htc": HTC, "area": assumed})
-    known = td.Known(model)
+    known = td.design.Known(model)
     told = td.predict(known, BENCH, spread={"air": "0.1 [K]"})
-    runs = td.uncertain_runs(model, BENCH, spread={"air": "0.1 [K]"}, n=50, nodes=["plate"])
+    runs = td.qualify.uncertain_runs(model, BENCH, spread={"air": "0.1 [K]"}, n=50, nodes=["plate"])
     seen = foresee(known, BENCH, spread={"air": "0.1 [K]"}).prediction
     words = [x.what for x in told.left_out]
     assert words == [
@@ -135,19 +135,19 @@ def test_predict_draws_members_by_itself_where_derivatives_do_not_do() -> None:
     """A conductance known to a factor: the band is lopsided, and says so; where it is known well nothing is drawn."""
     model = plate({"htc": HTC})
     long = BENCH.with_(duration="20 [h]")
-    loose, tight = (td.predict(td.Known(model), long, spread={"skin.htc": {"log_sd": s}})["plate"] for s in (0.5, 0.02))
+    loose, tight = (td.predict(td.design.Known(model), long, spread={"skin.htc": {"log_sd": s}})["plate"] for s in (0.5, 0.02))
     assert tight.members is None
     assert loose.members is not None
     end = loose.final
     assert end.high - end.celsius > 1.5 * (end.celsius - end.low)
-    assert any("members were drawn" in w for w in td.predict(td.Known(model), long, spread={"skin.htc": {"log_sd": 0.5}}).warnings)
+    assert any("members were drawn" in w for w in td.predict(td.design.Known(model), long, spread={"skin.htc": {"log_sd": 0.5}}).warnings)
     # the mean of 1/h with a log-normal h, in closed form
     assert end.celsius - 24.0 == pytest.approx(10.0 * np.exp(0.5 * 0.5**2), rel=0.06)
 
 
 def test_a_uniform_law_has_no_normal_tails() -> None:
     model = plate({"htc": HTC})
-    band = td.predict(td.Known(model), BENCH, spread={"air": {"low": "-3 [K]", "high": "3 [K]"}})["air"]
+    band = td.predict(td.design.Known(model), BENCH, spread={"air": {"low": "-3 [K]", "high": "3 [K]"}})["air"]
     low, high = band.interval()
     assert (low[-1], high[-1]) == pytest.approx((24 - 2.85, 24 + 2.85), abs=0.1)
 

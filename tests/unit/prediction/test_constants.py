@@ -67,7 +67,7 @@ class TestBeforeAFit:
             "log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, role="node", target="plate", noise=0.05)}
         )
         fit = td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
-        seen = foresee(td.Known.of(fit), BENCH)
+        seen = foresee(td.design.Known.of(fit), BENCH)
         ends = [td.simulate(model.with_values({"skin.htc": f"{5 * f} [W/(m^2 K)]"}), BENCH)["plate"].kelvin[-1] for f in (1.001, 0.999)]
         assert seen.before["plate"][-1] == pytest.approx((ends[1] - ends[0]) / 0.002 * log_sd, rel=0.01)
 
@@ -111,7 +111,7 @@ class TestWithoutGas:
     @pytest.mark.parametrize(("pascal", "thin"), [(9.6e3, True), (1.04e4, False)])
     def test_from_a_tenth_of_the_air_on_gas_does_what_it_did(self, pascal: float, thin: bool) -> None:
         model = plate(htc="5 [W/(m^2 K)]", emissivity=0.5)
-        scenario = BENCH.with_(environment={"*": td.Environment(pressure=f"{pascal} [Pa]")})
+        scenario = BENCH.with_(environment={"*": td.network.Environment(pressure=f"{pascal} [Pa]")})
         assert bool(doubts_without_gas(model, scenario)) is thin
 
 
@@ -120,11 +120,11 @@ class TestSplit:
 
     AIR = td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
 
-    def part(self, effective: float, prior: tuple[float, float]) -> td.Split:
+    def part(self, effective: float, prior: tuple[float, float]) -> td.explain.Split:
         model = plate(effective_htc=f"{effective!r} [W/(m^2 K)]", emissivity={"value": prior[0], "min": 0.0, "max": 1.0})
-        return td.split(model, conditions=self.AIR, priors={"skin.emissivity": prior})
+        return td.explain.split(model, conditions=self.AIR, priors={"skin.emissivity": prior})
 
-    def found(self, prior: tuple[float, float], law: Callable[[float, float, float], float]) -> td.Split:
+    def found(self, prior: tuple[float, float], law: Callable[[float, float, float], float]) -> td.explain.Split:
         """The split of the coefficient that a law of (black radiation, correlation, floor) names: these change with it, so by iteration."""
         effective = 8.0
         for _ in range(12):
@@ -186,7 +186,7 @@ class TestSplit:
                 "loads": {"heat": {"into": "plate", "power": "20 [W]"}},
             }
         )
-        found = td.split(model, conditions=self.AIR)
+        found = td.explain.split(model, conditions=self.AIR)
         covariance = found.values.covariance
         assert not found["skin"].used
         assert covariance[0, 1] / covariance[0, 0] == pytest.approx(0.5)

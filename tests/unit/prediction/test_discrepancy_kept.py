@@ -34,7 +34,7 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
     values = load_values(tmp_path / "values.toml")
     kept = values.provenance["misfit"]
     assert kept["proc"] == pytest.approx(0.4 / 2**0.5, rel=0.3)
-    seen = td.foresee(td.Known(fit.fitted_model, (values,)), soak(40.0))
+    seen = td.design.foresee(td.design.Known(fit.fitted_model, (values,)), soak(40.0))
     assert seen.prediction["proc"].parts[MISFIT] == pytest.approx(kept["proc"] ** 2)
     assert not seen.prediction["air"].parts[MISFIT].any()
     told = td.predict(fit, soak(40.0))
@@ -42,7 +42,7 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
 
 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
-    seen = td.foresee(td.Known(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
+    seen = td.design.foresee(td.design.Known(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
     for size, cause in ((2.0, IN_TESTS), (0.01, MISFIT)):
         wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
         assert {c for c in (MISFIT, IN_TESTS) if c in wide} == {cause}
@@ -52,13 +52,13 @@ def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
 def test_members_differ_by_it_and_by_nothing_else_besides(fit: td.Calibration) -> None:
     """The same draws with and without it: what is added is constant over a run and of its size."""
     bare = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "misfit"})
-    with_, without = (td.uncertain_runs(unit(), soak(40.0), v, n=400, seed=3, nodes=["proc", "ele"]) for v in (fit.values, bare))
+    with_, without = (td.qualify.uncertain_runs(unit(), soak(40.0), v, n=400, seed=3, nodes=["proc", "ele"]) for v in (fit.values, bare))
     more = with_.of("proc") - without.of("proc")
     assert np.ptp(more, axis=1).max() < 1e-9
     assert more[:, 0].std() == pytest.approx(fit.values.provenance["misfit"]["proc"], rel=0.1)
-    again = td.uncertain_runs(unit(), soak(40.0), fit.values, n=100, seed=3, nodes=["proc", "ele"])
+    again = td.qualify.uncertain_runs(unit(), soak(40.0), fit.values, n=100, seed=3, nodes=["proc", "ele"])
     assert np.array_equal(again.of("proc")[:96], with_.of("proc")[:96])  # whole groups of members that step together
-    counted, plain = (td.hold(r, {"proc": "52 [degC]"}) for r in (with_, without))
+    counted, plain = (td.qualify.hold(r, {"proc": "52 [degC]"}) for r in (with_, without))
     assert counted.discrepancy == pytest.approx(fit.values.provenance["misfit"]["proc"])
     assert "the model's discrepancy is included: " in str(counted)
     assert "the model's discrepancy is not included" in str(plain)
@@ -70,9 +70,9 @@ def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
 
     measured(tmp_path, offset=1.5)
     text = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
-    (before,) = {m.not_counted[0] for m in td.run_plan(project(tmp_path, text)).margins if not m.given}
+    (before,) = {m.not_counted[0] for m in td.qualify.run_plan(project(tmp_path, text)).margins if not m.given}
     assert before.startswith("the model's own error, because no fit has")
-    found = td.run_plan(project(tmp_path, text + LOG))
+    found = td.qualify.run_plan(project(tmp_path, text + LOG))
     hot = next(m for m in found.margins if m.side == "hot")
     assert hot.shares == {IN_TESTS: pytest.approx(1.0)}
     assert found["hot"].correlation is not None
@@ -100,11 +100,11 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     fit.values.save(tmp_path / "fit.values.toml")
     file = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "fit.values.toml"'))
     td.save_model(model, tmp_path / "unit.toml")
-    counted = td.run_plan(file).margins
+    counted = td.qualify.run_plan(file).margins
     assert not any("constant" in why for m in counted for why in m.not_counted)
     assert any(m.shares.get("constant coefficients", 0.0) > 0.1 for m in counted)
     # a file of before does not hold the fit's response
     old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "structural"})
     old.save(tmp_path / "fit.values.toml")
-    found = {why for m in td.run_plan(file).margins for why in m.not_counted if "constant" in why}
+    found = {why for m in td.qualify.run_plan(file).margins for why in m.not_counted if "constant" in why}
     assert found == {"the error of constant coefficients ('skin_proc'), because the values of 'unit' do not include it"}

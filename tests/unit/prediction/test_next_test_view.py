@@ -17,7 +17,7 @@ BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
 JOINT, HTC, WATTS = "stack.contact_conductance", "a.skin.effective_htc", "b.power"
 EVERY = (HTC, WATTS, JOINT)
 BENCH = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")
-AGAIN = [td.Action("again", BENCH)]
+AGAIN = [td.design.Action("again", BENCH)]
 FAR = td.Scenario("far", boundaries={"room": "40 [degC]"}, loads={"a.heat": "6 [W]"}, duration="20 [h]")
 BESIDES = {"constant coefficients", "misfit"}
 
@@ -57,7 +57,7 @@ def test_before_a_test_it_says_what_predict_says(levels: Levels, scenario: td.Sc
     found = levels.three
     assert set(found.values.parameters) == {JOINT}  # what is fixed is not among what this level fitted
     parts = td.predict(found, scenario)[node].parts
-    advice = td.next_test(found, td.Aim(scenario, node), AGAIN)
+    advice = td.design.next_test(found, td.design.Aim(scenario, node), AGAIN)
     own = [v[-1] for cause, v in parts.items() if cause not in BESIDES]
     assert advice.now == pytest.approx(np.sqrt(sum(own)), rel=1e-6)
     assert set(advice.beside) == {*parts} & BESIDES
@@ -69,7 +69,7 @@ def test_before_a_test_it_says_what_predict_says(levels: Levels, scenario: td.Sc
 def test_what_it_promises_of_any_level_is_what_a_fit_of_the_test_finds(levels: Levels, path: str) -> None:
     """The sensors are those of all levels: what these share with the values counts once."""
     found = levels.three
-    advice = td.next_test(found, path, AGAIN)
+    advice = td.design.next_test(found, path, AGAIN)
     assert advice.now == pytest.approx(found.store.error(path), rel=1e-9)
     laid = found.store.on(levels.model)
     done = fit(Request(laid, (record(laid, 4, samples=181, swing=0.0),), EVERY, {"*": BENCH}, store=found.store, prior=EVERY, name="four"))
@@ -83,6 +83,6 @@ def test_a_value_without_a_finite_error_is_open_until_a_test_shows_it(levels: Le
     root = store.root.copy()
     root[list(store.states).index(HTC)] = 0.0
     blind = replace(found, store=replace(store, states=lost, root=root))
-    advice = td.next_test(blind, HTC, AGAIN)
+    advice = td.design.next_test(blind, HTC, AGAIN)
     assert advice.now == np.inf
     assert 0 < advice.best.error < found[HTC].error

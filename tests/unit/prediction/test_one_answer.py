@@ -28,15 +28,15 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
     fit.save(file)
     values = td.load_values(file)
     out = {"predict": ends(td.predict(fit, scenario, nodes=[node])[node])}
-    for route, known in (("foresee", td.Known.of(fit)), ("foresee, file", td.Known(fit.model, (values,)))):
+    for route, known in (("foresee", td.design.Known.of(fit)), ("foresee, file", td.design.Known(fit.model, (values,)))):
         seen = foresee(known, scenario, nodes=[node])
         out[route] = ends(seen.prediction[node])
         limits = Limits("point", node, operating=(-np.inf, 700.0))
-        (margin,) = td.margins({"run": seen}, [limits])
+        (margin,) = td.qualify.margins({"run": seen}, [limits])
         if margin.time == scenario.seconds:
             out[f"margin, {route}"] = (margin.predicted - 273.15, margin.uncertainty)
     for route, given in (("runs", fit), ("runs, file", values)):
-        runs = td.uncertain_runs(fit.model, scenario, given, n=members, nodes=[node], seed=7)
+        runs = td.qualify.uncertain_runs(fit.model, scenario, given, n=members, nodes=[node], seed=7)
         end = runs.of(node)[:, -1] - 273.15
         low, high = np.quantile(end, [0.025, 0.975])
         out[route] = (float(end.mean()), float(high - low) / 2)
@@ -44,10 +44,10 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
     return out
 
 
-def _by_hold(runs: td.UncertainRuns, node: str, end: np.ndarray[Any, Any]) -> tuple[float, float]:
+def _by_hold(runs: td.qualify.UncertainRuns, node: str, end: np.ndarray[Any, Any]) -> tuple[float, float]:
     """Mean and half-width as probabilities of never passing limits say them; the mean is the area above their curve."""
     limits = np.quantile(end, [0.0, 0.01, 0.02, *np.linspace(0.025, 0.975, 25), 0.98, 0.99, 1.0])
-    kept = [td.hold(runs, {node: f"{x!r} [degC]"})[node].never for x in limits.tolist()]
+    kept = [td.qualify.hold(runs, {node: f"{x!r} [degC]"})[node].never for x in limits.tolist()]
     low, high = np.interp([0.025, 0.975], kept, limits)
     return float(limits[0] + np.trapezoid(1.0 - np.array(kept), limits)), float(high - low) / 2
 
@@ -84,7 +84,7 @@ def test_a_file_gives_the_numbers_of_the_fit(name: str, tmp_path: Path) -> None:
     case.fit.save(tmp_path / "fit.values.toml")
     live, filed = (
         foresee(k, case.outside, nodes=[case.node]).prediction[case.node]
-        for k in (td.Known.of(case.fit), td.Known(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)))
+        for k in (td.design.Known.of(case.fit), td.design.Known(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)))
     )
     assert filed.kelvin == pytest.approx(live.kelvin, abs=1e-6)
     assert filed.error == pytest.approx(live.error, rel=1e-6, abs=1e-9)

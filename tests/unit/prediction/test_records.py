@@ -168,7 +168,7 @@ def test_text_and_json_say_the_same(found: Calibration) -> None:
 def test_a_sensor_that_lags_is_predicted_at_its_tip(found: Calibration) -> None:
     record = log("lag", 35, 7.0)
     t1 = record.channel("T1")
-    lagging = Channel.of("T1", t1.values, role="node", target="part.case", noise=0.1, part=td.SensorPart(lag=120.0))
+    lagging = Channel.of("T1", t1.values, role="node", target="part.case", noise=0.1, part=td.bench.SensorPart(lag=120.0))
     told = predict_record(found, record.with_channels(lagging))
     assert isinstance(told, RecordPrediction)
     assert set(told.bands) == set(SENSORS)

@@ -62,8 +62,8 @@ def shifted(name: str) -> float:
 
 @pytest.mark.parametrize(("name", "text"), TEXTS, ids=str)
 def test_every_place_draws_the_same_numbers(model: td.Model, name: str, text: Any, tmp_path: Path) -> None:
-    drawn = td.draw(model, SCENARIO, {name: text}, MEMBERS, seed=SEED)[name]
-    runs = td.uncertain_runs(model, SCENARIO, spread={name: text}, n=MEMBERS, seed=SEED, nodes=["body"])
+    drawn = td.simulation.draw(model, SCENARIO, {name: text}, MEMBERS, seed=SEED)[name]
+    runs = td.qualify.uncertain_runs(model, SCENARIO, spread={name: text}, n=MEMBERS, seed=SEED, nodes=["body"])
     assert runs.draws[name] + shifted(name) == pytest.approx(drawn, abs=1e-9)
     # a hold file
     (tmp_path / "part.toml").write_text(DECK, encoding="utf-8")
@@ -73,13 +73,13 @@ def test_every_place_draws_the_same_numbers(model: td.Model, name: str, text: An
     spread = f'"{text}"' if isinstance(text, str) else f"{{ {written} }}"
     hold = f'model = "part.toml"\nscenario = "soak.toml"\n[limits]\nP = "90 [degC]"\n[spread]\n"{name}" = {spread}\n'
     (tmp_path / "hold.toml").write_text(hold, encoding="utf-8")
-    question = td.load_hold(tmp_path / "hold.toml")
+    question = td.qualify.load_hold(tmp_path / "hold.toml")
     assert question.spread == {name: text}
     # predictions, by derivatives or by members: those of the runs
     runs_end = runs.of("body")[:, -1] - 273.15
-    told = td.predict(td.Known(model), SCENARIO, spread={name: text}, draws=MEMBERS, seed=SEED)["body"]
+    told = td.predict(td.design.Known(model), SCENARIO, spread={name: text}, draws=MEMBERS, seed=SEED)["body"]
     assert told.members[-1] - 273.15 == pytest.approx(runs_end, abs=1e-4)
-    band = foresee(td.Known(model), SCENARIO, spread={name: text}).prediction["body"]
+    band = foresee(td.design.Known(model), SCENARIO, spread={name: text}).prediction["body"]
     noise = runs_end.std() / MEMBERS**0.5
     assert band.celsius[-1] == pytest.approx(runs_end.mean(), abs=4 * noise + 1e-4)
     assert band.error[-1] == pytest.approx(runs_end.std(), rel=0.15, abs=1e-4)
@@ -102,7 +102,7 @@ def test_a_prior_is_the_same_law(mean: str, sd: str) -> None:
     ],
 )
 def test_another_unit_changes_nothing(model: td.Model, text: Any, other: Any) -> None:
-    one, two = (td.draw(model, SCENARIO, {"heat.power": t}, 50, seed=1)["heat.power"] for t in (text, other))
+    one, two = (td.simulation.draw(model, SCENARIO, {"heat.power": t}, 50, seed=1)["heat.power"] for t in (text, other))
     assert one == pytest.approx(two, rel=1e-12)
 
 
@@ -120,10 +120,10 @@ WRONG: list[tuple[str, Any]] = [
 def test_every_place_refuses_the_same(model: td.Model, name: str, text: Any) -> None:
     said = set()
     places = [
-        lambda: td.draw(model, SCENARIO, {name: text}, 5, seed=1),
-        lambda: td.uncertain_runs(model, SCENARIO, spread={name: text}, n=5),
-        lambda: td.predict(td.Known(model), SCENARIO, spread={name: text}),
-        lambda: foresee(td.Known(model), SCENARIO, spread={name: text}),
+        lambda: td.simulation.draw(model, SCENARIO, {name: text}, 5, seed=1),
+        lambda: td.qualify.uncertain_runs(model, SCENARIO, spread={name: text}, n=5),
+        lambda: td.predict(td.design.Known(model), SCENARIO, spread={name: text}),
+        lambda: foresee(td.design.Known(model), SCENARIO, spread={name: text}),
     ]
     for place in places:
         with pytest.raises(ThermidError) as refused:
@@ -134,14 +134,14 @@ def test_every_place_refuses_the_same(model: td.Model, name: str, text: Any) -> 
 
 def test_a_boundary_that_varies_takes_shifts_alone(model: td.Model) -> None:
     day = SCENARIO.with_(boundaries={"air": {"mean": "20 [degC]", "amplitude": "5 [K]", "period": "24 [h]"}})
-    assert np.ptp(td.uncertain_runs(model, day, spread={"air": {"low": "-1 [K]", "high": "1 [K]"}}, n=50).draws["air"]) < 2.0
+    assert np.ptp(td.qualify.uncertain_runs(model, day, spread={"air": {"low": "-1 [K]", "high": "1 [K]"}}, n=50).draws["air"]) < 2.0
     with pytest.raises(ThermidError, match="shift in kelvin"):
-        td.uncertain_runs(model, day, spread={"air": {"low": "15 [degC]", "high": "25 [degC]"}}, n=5)
+        td.qualify.uncertain_runs(model, day, spread={"air": {"low": "15 [degC]", "high": "25 [degC]"}}, n=5)
 
 
 def test_scenarios_of_different_temperature_take_shifts_alone(model: td.Model) -> None:
     warm = SCENARIO.with_(boundaries={"air": "30 [degC]"})
     both = [SCENARIO, warm]
-    assert td.uncertain_runs(model, both, spread={"air": "1 [K]"}, n=20).draws["air"].std() < 2.0
+    assert td.qualify.uncertain_runs(model, both, spread={"air": "1 [K]"}, n=20).draws["air"].std() < 2.0
     with pytest.raises(ThermidError, match="different temperatures of 'air'"):
-        td.uncertain_runs(model, both, spread={"air": {"low": "15 [degC]", "high": "25 [degC]"}}, n=5)
+        td.qualify.uncertain_runs(model, both, spread={"air": {"low": "15 [degC]", "high": "25 [degC]"}}, n=5)

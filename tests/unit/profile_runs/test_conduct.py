@@ -28,12 +28,12 @@ def box(capacity=500.0, foot=0.5, **more):
 
 
 def cycle(count=1, **changes):
-    return td.profile_of("SMC-S-016", "unit thermal cycle", predicted=PREDICTED, cycles=count, **changes)
+    return td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=PREDICTED, cycles=count, **changes)
 
 
 @pytest.fixture(scope="module")
 def run():
-    return td.run_profile(box(), cycle())
+    return td.qualify.run_profile(box(), cycle())
 
 
 def test_a_dwell_begins_when_the_slowest_node_is_below_the_rate(run):
@@ -76,7 +76,7 @@ def test_the_state_goes_from_phase_to_phase_as_it_is():
 
     conduct._finished = caught
     try:
-        run = td.run_profile(box(), cycle(2))
+        run = td.qualify.run_profile(box(), cycle(2))
     finally:
         conduct._finished = own
     last = run.solution.temperatures[-1]
@@ -85,13 +85,13 @@ def test_the_state_goes_from_phase_to_phase_as_it_is():
 
 
 def test_a_heavier_unit_takes_longer(run):
-    heavy = td.run_profile(box(capacity=1500.0), cycle())
+    heavy = td.qualify.run_profile(box(capacity=1500.0), cycle())
     assert heavy.waited > 1.5 * run.waited
     assert heavy.duration > run.duration
 
 
 def test_levels_hold_at_the_base_plate_when_it_is_named():
-    run = td.run_profile(box(), cycle(), base="plate")
+    run = td.qualify.run_profile(box(), cycle(), base="plate")
     hot = next(p for p in run if p.name == "to hot" and p.kind == "wait")
     assert hot.base == pytest.approx(71.0 + 273.15, abs=3.0)
     settled = td.steady(box(), td.Scenario("hot", boundaries={"air": f"{hot.chamber} [K]"}))
@@ -100,15 +100,15 @@ def test_levels_hold_at_the_base_plate_when_it_is_named():
 
 
 def test_a_slow_chamber_stretches_the_ways(run):
-    slow = td.run_profile(box(), cycle(), chamber_ramp="0.5 [K/min]")
+    slow = td.qualify.run_profile(box(), cycle(), chamber_ramp="0.5 [K/min]")
     way = next(p for p in slow if p.kind == "way")
     assert way.duration == pytest.approx(48.0 / 0.5 * 60.0)
     assert any("limited to 0.5 K/min" in r for r in slow.remarks)
 
 
 def test_vacuum_takes_longer_and_pumps_down_first(run):
-    profile = td.profile_of("SMC-S-016", "unit thermal vacuum", predicted=PREDICTED, cycles=1)
-    empty = td.run_profile(box(), profile)
+    profile = td.qualify.profile_of("SMC-S-016", "unit thermal vacuum", predicted=PREDICTED, cycles=1)
+    empty = td.qualify.run_profile(box(), profile)
     assert [p.name for p in empty][:2] == ["pump down", "high vacuum"]
     pressure = empty.scenario.environment["*"].pressure.at(np.array([0.0, 600.0, 1200.0, 20000.0]))
     assert pressure == pytest.approx([101325.0, 20.0, 0.0133, 0.0133], rel=1e-6)
@@ -117,8 +117,8 @@ def test_vacuum_takes_longer_and_pumps_down_first(run):
 
 
 def test_a_window_rule_waits_for_its_window():
-    profile = td.profile_of("SMC-S-016", "thermal balance", predicted=PREDICTED)
-    run = td.run_profile(box(), profile)
+    profile = td.qualify.profile_of("SMC-S-016", "thermal balance", predicted=PREDICTED)
+    run = td.qualify.run_profile(box(), profile)
     waits = [p for p in run if p.kind == "wait"]
     assert [p.power for p in waits] == [True, True, False, True, True]
     for p in waits:
@@ -131,7 +131,7 @@ def test_a_memory_of_a_thermostat_is_kept():
     heater = {"into": "plate", "power": "20 [W]", "thermostat": {"on_below": "-20 [degC]", "off_above": "-15 [degC]"}}
     loads = {"chips": {"into": "core", "power": "5 [W]"}, "heater": heater}
     profile = cycle().with_(stable="15 C/h over 1 h")
-    run = td.run_profile(box(loads=loads), profile)
+    run = td.qualify.run_profile(box(loads=loads), profile)
     assert run.solution.heat_balance().relative < 1e-7
     assert float(run["plate"].celsius.min()) > -21.0
 
@@ -139,14 +139,14 @@ def test_a_memory_of_a_thermostat_is_kept():
 def test_a_profile_that_never_stabilises_says_which_node_and_why():
     swinging = {"chips": {"into": "core", "power": "40 [W]", "periodic": {"period": "20 [min]", "duty": 0.5}}}
     with pytest.raises(SolverError, match=r"'3 C/h' after 5 h: 'core' still changes.*follows a clock"):
-        td.run_profile(box(loads=swinging), cycle(longest_wait="5 [h]"))
+        td.qualify.run_profile(box(loads=swinging), cycle(longest_wait="5 [h]"))
     with pytest.raises(
         SolverError, match=r"after 30 min: \'core\' still changes by \+.* K/h, on its way to .* about .* more would be needed"
     ):
-        td.run_profile(box(), cycle(longest_wait="30 [min]"))
+        td.qualify.run_profile(box(), cycle(longest_wait="30 [min]"))
     lonely = {"skin": {"of": "plate", "to": "air", "area": "1e-9 [m^2]", "htc": "1e-3 [W/(m^2 K)]"}}
     with pytest.raises(SolverError, match="'core' still changes"):
-        td.run_profile(box(surfaces=lonely), cycle(longest_wait="10 [h]"))
+        td.qualify.run_profile(box(surfaces=lonely), cycle(longest_wait="10 [h]"))
 
 
 CLOCKED = {"chips": {"into": "core", "power": "10 [W]", "periodic": {"period": "20 [min]", "duty": 0.5}}}
@@ -161,8 +161,8 @@ def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
     """The mean over whole swings drifts by less than the rule when a dwell begins; momentary temperatures never are stable."""
     model = box(loads=loads)
     with pytest.raises(SolverError, match=r", so its temperature oscillates without end\. Apply the rule to means over whole"):
-        td.run_profile(model, cycle(longest_wait="5 [h]"))
-    run = td.run_profile(model, cycle(average=average, stable="3 C/h over 20 min"), every=20.0)
+        td.qualify.run_profile(model, cycle(longest_wait="5 [h]"))
+    run = td.qualify.run_profile(model, cycle(average=average, stable="3 C/h over 20 min"), every=20.0)
     assert run.solution.heat_balance().relative < 1e-7
     span = 60.0 * float(average.split()[0])
     swings = []
@@ -179,15 +179,15 @@ def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
 
 def test_a_mean_that_does_not_settle_and_a_rule_that_is_not_asked_of_means():
     with pytest.raises(SolverError, match=r"in its mean over 20 min\. Allow a longer wait"):
-        td.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", longest_wait="45 [min]"))
+        td.qualify.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", longest_wait="45 [min]"))
     with pytest.raises(ScenarioError, match=r"'stored 5 %' does not apply to averages\."):
-        td.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", stable="stored 5 %"))
+        td.qualify.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", stable="stored 5 %"))
 
 
 def test_a_level_out_of_reach_is_refused():
     strong = {"heater": {"into": "plate", "power": "5000 [W]"}}
     with pytest.raises(ScenarioError, match="no chamber temperature brings"):
-        td.run_profile(box(loads=strong), cycle(), base="plate")
+        td.qualify.run_profile(box(loads=strong), cycle(), base="plate")
 
 
 def test_humidity_is_followed_and_condensation_named():
@@ -195,7 +195,7 @@ def test_humidity_is_followed_and_condensation_named():
         {"name": "to hot", "to": "35 [degC]", "humidity": 0.95, "over": "30 [min]", "power": "off"},
         {"name": "hot", "dwell": "30 [min]"},
     ]
-    run = td.run_profile(box(), td.profile_of("SMC-S-016", "unit humidity").with_(steps=steps))
+    run = td.qualify.run_profile(box(), td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=steps))
     assert run.moisture is not None
     assert run.moisture["skin"].condensing > 0.0
     assert any("water condenses on 'skin'" in r for r in run.remarks)
@@ -214,7 +214,7 @@ def test_humidity_is_followed_and_condensation_named():
             raise EnoughError
 
     with pytest.raises(EnoughError):
-        td.run_profile(box(), td.profile_of("SMC-S-016", "unit humidity").with_(steps=steps), told=told)
+        td.qualify.run_profile(box(), td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=steps), told=told)
 
 
 @pytest.mark.parametrize(
@@ -229,17 +229,17 @@ def test_humidity_is_followed_and_condensation_named():
 )
 def test_wrong_names_are_refused(arguments, words):
     with pytest.raises(td.ThermidError, match=words):
-        td.run_profile(box(), cycle(), **arguments)
+        td.qualify.run_profile(box(), cycle(), **arguments)
 
 
 def test_several_boundaries_need_a_chamber():
     two = {"needs": ["air", "wall"], "conductors": {"foot": {"kind": "conduction", "between": ["plate", "core"], "conductance": "1 [W/K]"}}}
     two["conductors"]["strap"] = {"kind": "conduction", "between": ["core", "wall"], "conductance": "0.1 [W/K]"}
     with pytest.raises(ScenarioError, match="name the boundaries that are the chamber:"):
-        td.run_profile(box(**two), cycle())
+        td.qualify.run_profile(box(**two), cycle())
     with pytest.raises(ScenarioError, match="'wall' is not the chamber"):
-        td.run_profile(box(**two), cycle(), chamber="air")
-    run = td.run_profile(box(**two), cycle(), chamber="air", scenario=td.Scenario("x", boundaries={"wall": "20 [degC]"}))
+        td.qualify.run_profile(box(**two), cycle(), chamber="air")
+    run = td.qualify.run_profile(box(**two), cycle(), chamber="air", scenario=td.Scenario("x", boundaries={"wall": "20 [degC]"}))
     assert math.isfinite(run.duration)
 
 

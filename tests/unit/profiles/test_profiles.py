@@ -13,20 +13,20 @@ PREDICTED = ("-5 [degC]", "45 [degC]")
 
 
 def unit_cycle(**changes):
-    return td.profile_of("SMC-S-016", "unit thermal cycle", level="qualification", predicted=PREDICTED, **changes)
+    return td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="qualification", predicted=PREDICTED, **changes)
 
 
 def test_levels_of_smc_are_the_wider_of_margin_and_least_range():
     assert unit_cycle()["hot"].text == "71 [degC]"
     wide = unit_cycle().with_(predicted=("-40 [degC]", "70 [degC]"))
     assert (wide["cold"].text, wide["hot"].text) == ("-50 [degC]", "80 [degC]")
-    acceptance = td.profile_of("smc", "unit thermal cycle", level="acceptance", predicted=("-40 [degC]", "70 [degC]"))
+    acceptance = td.qualify.profile_of("smc", "unit thermal cycle", level="acceptance", predicted=("-40 [degC]", "70 [degC]"))
     assert (acceptance["cold"].text, acceptance["hot"].text) == ("-40 [degC]", "70 [degC]")
 
 
 @pytest.mark.parametrize(("level", "count"), [("qualification", 23), ("protoqualification", 16), ("acceptance", 10)])
 def test_counts_of_smc(level, count):
-    profile = td.profile_of("SMC-S-016", "unit thermal cycle", level=level)
+    profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level=level)
     assert max(s.cycle for s in profile.steps) == count
 
 
@@ -66,10 +66,10 @@ def test_a_rule_from_memory_makes_a_profile_from_memory():
 
 def test_every_profile_of_the_library_expands_and_every_number_has_a_mark():
     seen = 0
-    for standard, profiles in td.profile_names().items():
+    for standard, profiles in td.qualify.profile_names().items():
         for name, levels in profiles.items():
             for level in levels or ("",):
-                profile = td.profile_of(standard, name, level=level, predicted=PREDICTED)
+                profile = td.qualify.profile_of(standard, name, level=level, predicted=PREDICTED)
                 assert profile.steps
                 assert {n.mark for n in profile.numbers.values()} <= set(MARKS)
                 assert all(n.clause for n in profile.numbers.values() if n.mark in ("read", "secondary"))
@@ -85,20 +85,20 @@ def test_a_file_is_like_a_standard_with_other_numbers(tmp_path):
         'predicted = ["-5 [degC]", "45 [degC]"]\ndwell = { value = "2 [h]", note = "by analysis" }\n',
         encoding="utf-8",
     )
-    profile = td.load_profile(file)
+    profile = td.qualify.load_profile(file)
     assert (profile["cycles"].value, profile["hot"].text, profile["cold"].text) == (2.0, "55 [degC]", "-24 [degC]")
     assert (profile["dwell"].mark, profile["dwell"].note, profile["soak"].mark) == ("project", "by analysis", "read")
     profile.save(tmp_path / "saved.toml")
-    again = td.load_profile(tmp_path / "saved.toml")
+    again = td.qualify.load_profile(tmp_path / "saved.toml")
     assert again.numbers == profile.numbers
     assert (again.steps, again.mark) == (profile.steps, profile.mark)
 
 
 def test_written_steps_are_saved_and_read(tmp_path):
     step = {"name": "warm up", "to": "60 [degC]", "humidity": 0.95, "over": "2 [h]", "power": "off", "mark": "memory"}
-    profile = td.profile_of("SMC-S-016", "unit humidity").with_(steps=[step, {"name": "hot and humid", "dwell": "6 [h]"}])
+    profile = td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=[step, {"name": "hot and humid", "dwell": "6 [h]"}])
     profile.save(tmp_path / "p.toml")
-    again = td.load_profile(tmp_path / "p.toml")
+    again = td.qualify.load_profile(tmp_path / "p.toml")
     assert again.steps == profile.steps
     assert again.decides is False
 
@@ -106,10 +106,13 @@ def test_written_steps_are_saved_and_read(tmp_path):
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda: td.profile_of("DO-160G"), "For another standard write a profile file, each"),
-        (lambda: td.profile_of("SMS-S-016"), "Did you mean 'smc-s-016'"),
-        (lambda: td.profile_of("SMC-S-016", "unit thermal cycles"), "Did you mean 'unit thermal cycle'"),
-        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", level="flight"), "it has qualification, protoqualification, acceptance"),
+        (lambda: td.qualify.profile_of("DO-160G"), "For another standard write a profile file, each"),
+        (lambda: td.qualify.profile_of("SMS-S-016"), "Did you mean 'smc-s-016'"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycles"), "Did you mean 'unit thermal cycle'"),
+        (
+            lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="flight"),
+            "it has qualification, protoqualification, acceptance",
+        ),
         (lambda: unit_cycle(dwel="1 [h]"), "Did you mean 'dwell'"),
         (lambda: unit_cycle(dwell="1 [K]"), "a temperature difference"),
         (lambda: unit_cycle(dwell="-1 [h]"), "below zero"),
@@ -117,8 +120,11 @@ def test_written_steps_are_saved_and_read(tmp_path):
         (lambda: unit_cycle(starts="often"), "each, first and last, never"),
         (lambda: unit_cycle(cycles=2.5).steps, "the number of cycles must be whole, at"),
         (lambda: unit_cycle(hot="-40 [degC]").check(), "is not below its hot level,"),
-        (lambda: td.profile_of("SMC-S-016", "vehicle thermal vacuum").steps, "its hot level is not known"),
-        (lambda: td.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")), "is not below the highest"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "vehicle thermal vacuum").steps, "its hot level is not known"),
+        (
+            lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")),
+            "is not below the highest",
+        ),
         (lambda: unit_cycle(dwell={"value": "1 [h]", "mark": "heard"}), "'heard' is not a mark; use one of"),
         (lambda: unit_cycle().with_(steps=[{"nam": "x"}]).steps, "Did you mean 'name'"),
         (lambda: unit_cycle().with_(steps=[{"power": "half"}]).steps, "power: input should be 'on' or 'off'"),
@@ -133,13 +139,13 @@ def test_a_file_with_a_wrong_key_or_nothing_in_it(tmp_path):
     file = tmp_path / "p.toml"
     file.write_text('[profile]\nlike = "SMC-S-016 unit thermal cycle"\ncycle = 2\n', encoding="utf-8")
     with pytest.raises(ScenarioError, match="Did you mean 'cycles'"):
-        td.load_profile(file)
+        td.qualify.load_profile(file)
     file.write_text('[profile]\nlike = "XYZ unit"\n', encoding="utf-8")
     with pytest.raises(ScenarioError, match="does not begin with a known"):
-        td.load_profile(file)
+        td.qualify.load_profile(file)
     file.write_text("", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"the table \[profile\] is missing\."):
-        td.load_profile(file)
+        td.qualify.load_profile(file)
 
 
 @pytest.mark.parametrize(
@@ -147,19 +153,19 @@ def test_a_file_with_a_wrong_key_or_nothing_in_it(tmp_path):
 )
 def test_cycles_over_80_kelvin(level, exact, rounded):
     assert EQUIVALENCE[level].exact(80.0) == pytest.approx(exact, abs=0.005)
-    assert td.equivalent_cycles("-30 [degC]", "50 [degC]", level) == rounded
+    assert td.qualify.equivalent_cycles("-30 [degC]", "50 [degC]", level) == rounded
 
 
 def test_cycles_over_the_range_of_the_standard_are_its_own():
-    assert td.equivalent_cycles("-34 [degC]", "71 [degC]") == 27
-    assert td.equivalent_cycles("-24 [degC]", "61 [degC]", "acceptance") == 14
+    assert td.qualify.equivalent_cycles("-34 [degC]", "71 [degC]") == 27
+    assert td.qualify.equivalent_cycles("-24 [degC]", "61 [degC]", "acceptance") == 14
 
 
 def test_cycles_with_levels_in_the_wrong_order_or_of_no_level():
     with pytest.raises(ScenarioError, match="is not below the hot one,"):
-        td.equivalent_cycles("50 [degC]", "-30 [degC]")
+        td.qualify.equivalent_cycles("50 [degC]", "-30 [degC]")
     with pytest.raises(ScenarioError, match="Did you mean 'acceptance'"):
-        td.equivalent_cycles("-30 [degC]", "50 [degC]", "aceptance")
+        td.qualify.equivalent_cycles("-30 [degC]", "50 [degC]", "aceptance")
 
 
 def test_a_smaller_range_is_remarked_with_the_count_it_asks_for():

@@ -267,19 +267,19 @@ def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> No
     file = project(tmp_path, text)
     (tmp_path / "limits.toml").write_text('[processor]\nnode = "proc"\noperating = ["-20 [degC]"]\n', encoding="utf-8")
     with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits, limits.toml:3, processor.operating: a limit is a pair"):
-        td.load_plan(file)
+        td.qualify.load_plan(file)
     (tmp_path / "limits.toml").unlink()
     with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits"):
-        td.load_plan(file)
+        td.qualify.load_plan(file)
     gone = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "none.toml"'))
     with pytest.raises(td.ThermidError, match=r"^plan.toml.*none.toml"):
-        assert td.load_plan(gone).known
+        assert td.qualify.load_plan(gone).known
 
 
 def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from thermid.campaign import stages
 
-    plan = td.load_plan(project(tmp_path))
+    plan = td.qualify.load_plan(project(tmp_path))
     source = plan.content.model.model_copy(update={"deck": "", "campaign": "unit.toml", "stage": "unti"})
     other = replace(plan, content=plan.content.model_copy(update={"model": source}))
     monkeypatch.setattr("thermid.qualify.plan.run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
@@ -290,18 +290,18 @@ def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: 
 def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:
     file = project(tmp_path, PLAN.replace('criteria = ["ECSS", "ours"]', 'criteria = ["ECS"]'))
     with pytest.raises(td.ThermidError, match=r"there are .*'MIL-HDBK-340, transient'.* and 'ours'. Did you mean 'ECSS'"):
-        td.load_plan(file)
+        td.qualify.load_plan(file)
 
 
 def test_what_margins_leave_out_is_said_once_below(tmp_path: Path) -> None:
-    text = str(td.run_plan(project(tmp_path)))
+    text = str(td.qualify.run_plan(project(tmp_path)))
     said = [line for line in text.splitlines() if "not included in" in line]
     assert len([line for line in said if "the model's own error, because no fit has" in line]) == 1
     assert not [line for line in text.splitlines() if line.startswith("  margin: ") and "not counted" in line]
     assert text.index(said[0]) > text.rindex("  margin: ")
 
 
-@pytest.mark.parametrize("read", [td.load_plan, td.load_scenario, td.load_hold])
+@pytest.mark.parametrize("read", [td.qualify.load_plan, td.load_scenario, td.qualify.load_hold])
 @pytest.mark.parametrize(("text", "kind"), [("[nodes]\na = {}\n", "deck"), ("stages = []\n[records]\n", "campaign")])
 def test_a_file_of_another_kind_is_told_by_what_it_is(tmp_path: Path, read: Callable[[Path], object], text: str, kind: str) -> None:
     (tmp_path / "x.toml").write_text(text, encoding="utf-8")

@@ -95,7 +95,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     deck = folder / "unit.toml"
     deck.write_text(deck.read_text().replace("max = 2.0", 'max = 2, source = "assumed", basis = "four screws"'), encoding="utf-8")
     measured(folder, offset=4.0)
-    whole = td.qualification_report(td.run_plan(file), to=folder / "page.html").read_text(encoding="utf-8")
+    whole = td.reporting.qualification_report(td.qualify.run_plan(file), to=folder / "page.html").read_text(encoding="utf-8")
     head, *parts = re.split(r"<h2[^>]*>", whole)
     plain = [html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", p.replace("<wbr>", "")))) for p in (f"</h2>{head}", *parts)]
     return {"" if k == 0 else parts[k - 1].partition("</h2>")[0].strip(): p for k, p in enumerate(plain)}
@@ -139,8 +139,8 @@ commands = { cpu = { times = ["0 [h]", "3 [h]"], values = [1, 0], hold = true } 
 def test_no_curve_passes_a_drawn_limit_whose_verdict_says_met(tmp_path: Path, air: int, verdict: str) -> None:
     """The start-up limit of 25 degC is the nearest at the first instant; the unit is far above it later, when it does not hold."""
     text = PLAN.replace('loads = ["cpu"]\n', STATES) + SWITCHED.replace("HOT", str(air))
-    found = td.run_plan(project(tmp_path, text))
-    page = td.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    found = td.qualify.run_plan(project(tmp_path, text))
+    page = td.reporting.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
     shown = limited(page)
     assert len(shown) == 3
     for caption, figure in shown:

@@ -24,12 +24,12 @@ ONE = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
 """The plan with its hot test alone."""
 
 
-def tried(folder: Path, text: str = ONE + LOG, lock: bool = True) -> tuple[Trial, td.Qualification]:
+def tried(folder: Path, text: str = ONE + LOG, lock: bool = True) -> tuple[Trial, td.qualify.Qualification]:
     """Return the hot test and the whole, its plan locked before the log is looked at."""
     file = project(folder, text)
     if lock:
-        td.lock_plan(td.load_plan(file))
-    found = td.run_plan(file)
+        td.qualify.lock_plan(td.qualify.load_plan(file))
+    found = td.qualify.run_plan(file)
     return found["hot"], found
 
 
@@ -170,7 +170,7 @@ def test_the_command_leaves_with_4_when_something_is_open(tmp_path: Path) -> Non
 
 def test_a_waived_test_is_held_against_its_limits_and_named(tmp_path: Path) -> None:
     file = project(tmp_path, ONE.replace('kind = "thermal', 'state = "waived"\nnote = "not for a spare"\nkind = "thermal'))
-    found = td.run_plan(file)
+    found = td.qualify.run_plan(file)
     assert found["hot"].passed is True
     assert found.waived == ("hot",)
     assert "waived: hot" in str(found)
@@ -191,7 +191,7 @@ def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
     """Every set of criteria, margin policy, limit and profile that rests on memory, made to be met by far and missed by far."""
     measured(tmp_path)
     file = project(tmp_path, ONE + LOG)
-    seen = td.run_plan(file)["hot"].correlation
+    seen = td.qualify.run_plan(file)["hot"].correlation
     assert seen is not None
     for size in (1e-6, 1e6):
         for name in ("mean", "spread", "each", "rmse"):
@@ -206,8 +206,8 @@ def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
             assert check.passed is (None if mark == "memory" else kelvin > 350.0)
     for name, policy in POLICIES.items():
         for celsius in (10.0, 90.0):
-            seen_at = td.foresee(td.Known(unit()), soak(celsius), spread={"air": "1 [K]"})
-            hot = td.margins({"run": seen_at}, [Limits("p", "proc", (200.0, 350.0))], name)[1]
+            seen_at = td.design.foresee(td.design.Known(unit()), soak(celsius), spread={"air": "1 [K]"})
+            hot = td.qualify.margins({"run": seen_at}, [Limits("p", "proc", (200.0, 350.0))], name)[1]
             from_memory = "memory" in (policy.acceptance.mark, policy.qualification.mark)
             assert (hot.passed is None) is from_memory
     assert {c.mark for c in CRITERIA.values()} <= {*MARKS} - {"memory"}
@@ -220,7 +220,7 @@ def test_a_margin_over_a_course_from_memory_is_not_decided(tmp_path: Path) -> No
         'cold = "0 [degC]" }\n'
         'spread = { air = "1 [K]" }',
     ).replace('steady = [["5 [h]", "6 [h]"]]\n', "")
-    found = td.run_plan(project(tmp_path, text))
+    found = td.qualify.run_plan(project(tmp_path, text))
     assert found["hot"].within is None
     assert {m.passed for m in found.margins} == {None}
     assert all("memory" in m.undecided for m in found.margins)
@@ -235,7 +235,7 @@ def test_a_rule_on_stored_heat_needs_every_node_measured(tmp_path: Path) -> None
     measured(tmp_path, deck)
     file = project(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
     td.save_model(deck, tmp_path / "unit.toml")
-    (found,) = td.run_plan(file)["hot"].settled
+    (found,) = td.qualify.run_plan(file)["hot"].settled
     assert found.stored is not None
     assert found.stored.power == pytest.approx(9.0)
     assert found.verdict == "stable"

@@ -48,20 +48,20 @@ WARM = td.Scenario("warm-up", boundaries={"air": "20 [degC]"}, start="20 [degC]"
 
 
 def test_what_is_alike_becomes_one_and_nothing_moves() -> None:
-    found = td.reduce(box(), WARM, nodes=3)
+    found = td.qualify.reduce(box(), WARM, nodes=3)
     assert (found.masses, found.nodes) == ((4, 3), (4, 3))
     assert abs(found.worst.largest) < 1e-6
     assert {d.node for d in found.deviations} == {"base", "left", "right", "chip"}
-    capacitances = td.compile_network(found.model).numbers().capacitances
+    capacitances = td.network.compile_network(found.model).numbers().capacitances
     assert sorted(float(c or 0.0) for c in capacitances.values()) == pytest.approx([2.0, 120.0, 800.0])
 
 
 def test_steady_temperatures_stay_exact_without_a_mass() -> None:
     """The chip's mass goes to the base; it stays readable, and settles where it did."""
-    found = td.reduce(box(), WARM, nodes=3, keep=["left", "right", "base"])
+    found = td.qualify.reduce(box(), WARM, nodes=3, keep=["left", "right", "base"])
     before, after = td.steady(box(), WARM), td.steady(found.model, WARM)
     assert {n: after[n] for n in before} == pytest.approx(before, abs=1e-9)
-    numbers = td.compile_network(found.model).numbers()
+    numbers = td.network.compile_network(found.model).numbers()
     assert numbers.capacitances["chip"] is None
     assert float(numbers.capacitances["base"] or 0.0) == pytest.approx(802.0)
     assert found.by_node()["chip"].largest > 1.0  # at once, where it took ten seconds
@@ -73,8 +73,8 @@ def test_a_conductor_of_several_rows_counts_once() -> None:
     bent = part("chip", 2, 0.5, ("chip", "base"), 0.2)
     bent["conductors"] = {"to_chip": {**pipe, "on_conductance": "0.2 [W/K]", "off_conductance": "0.2 [W/K]"}}
     parts = (part("base", 800, 5, ("base", "air"), 0.8), part("left", 60, 2, ("left", "base"), 0.4))
-    plain = td.reduce(network(*parts, part("chip", 2, 0.5, ("chip", "base"), 0.2)), WARM, nodes=2, keep=["base", "left"])
-    same = td.reduce(network(*parts, bent), WARM, nodes=2, keep=["base", "left"])
+    plain = td.qualify.reduce(network(*parts, part("chip", 2, 0.5, ("chip", "base"), 0.2)), WARM, nodes=2, keep=["base", "left"])
+    same = td.qualify.reduce(network(*parts, bent), WARM, nodes=2, keep=["base", "left"])
     assert td.steady(same.model, WARM)["chip"] == pytest.approx(td.steady(plain.model, WARM)["chip"], abs=1e-6)
 
 
@@ -84,15 +84,15 @@ def test_a_massless_node_follows_an_outside_as_well() -> None:
     more = {"kind": "conduction", "between": ["tail", "air"], "conductance": "0.3 [W/K]"}
     tail["conductors"]["loss"] = more  # type: ignore[index]
     model = network(part("base", 800, 5, ("base", "air"), 0.8), tail)
-    found = td.reduce(model, WARM, nodes=1, keep=["base"])
-    assert float(td.compile_network(found.model).numbers().capacitances["base"] or 0.0) == pytest.approx(800 + 160 / 16)
+    found = td.qualify.reduce(model, WARM, nodes=1, keep=["base"])
+    assert float(td.network.compile_network(found.model).numbers().capacitances["base"] or 0.0) == pytest.approx(800 + 160 / 16)
     before, after = td.steady(model, WARM), td.steady(found.model, WARM)
     assert {n: after[n] for n in before} == pytest.approx(before, abs=1e-9)
 
 
 def test_as_few_as_keep_within_a_limit() -> None:
     scenario = WARM.with_(start="steady", loads={"heat_base": {"times": ["0 [h]", "1 [h]"], "values": ["5 [W]", "9 [W]"], "after": "hold"}})
-    loose, tight = (td.reduce(box(), scenario, within=limit) for limit in ("1 [K]", "0.001 [K]"))
+    loose, tight = (td.qualify.reduce(box(), scenario, within=limit) for limit in ("1 [K]", "0.001 [K]"))
     assert loose.masses[1] < tight.masses[1] <= 4
     assert abs(loose.worst.largest) <= 1.0
     assert abs(tight.worst.largest) <= 0.001
@@ -100,7 +100,7 @@ def test_as_few_as_keep_within_a_limit() -> None:
 
 def test_the_deviation_is_that_of_two_runs(tmp_path: Path) -> None:
     scenario = WARM.with_(start="steady", loads={"heat_base": {"times": ["0 [h]", "1 [h]"], "values": ["5 [W]", "9 [W]"], "after": "hold"}})
-    found = td.reduce(box(), scenario, nodes=1)
+    found = td.qualify.reduce(box(), scenario, nodes=1)
     td.save_model(found.model, tmp_path / "small.toml")
     small, full = (td.simulate(m, scenario) for m in (td.load_model(tmp_path / "small.toml"), box()))
     for d in found.deviations:
@@ -122,23 +122,23 @@ def test_laws_between_nodes_that_stay_are_kept() -> None:
             }
         }
     )
-    found = td.reduce(model, WARM, nodes=3)
+    found = td.qualify.reduce(model, WARM, nodes=3)
     assert abs(found.worst.largest) < 1e-5
     assert found.remarks == (
         "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused",
     )
-    forms = {r.form for r in td.compile_network(found.model).numbers().conductors}
+    forms = {r.form for r in td.network.compile_network(found.model).numbers().conductors}
     assert forms == {"linear", "radiation", "power"}
 
 
 @pytest.fixture(scope="module")
 def macro() -> td.Model:
-    return td.macro_model(MACRO / "macro.toml")
+    return td.qualify.macro_model(MACRO / "macro.toml")
 
 
 def test_the_unit_on_its_host_with_half_its_masses(macro: td.Model) -> None:
     scenarios = [td.load_scenario(MACRO / f"{n}.toml") for n in ("pad_hold", "transport")]
-    found = td.reduce(macro, scenarios, within="0.2 [K]", at="unit")
+    found = td.qualify.reduce(macro, scenarios, within="0.2 [K]", at="unit")
     assert found.masses == (10, 5)
     assert found.nodes == (20, 5)
     assert len(found.by_node()) == 8
@@ -149,8 +149,8 @@ def test_the_unit_on_its_host_with_half_its_masses(macro: td.Model) -> None:
 
 def test_a_flow_keeps_its_direction(macro: td.Model) -> None:
     still = td.load_scenario(MACRO / "pad.toml")
-    found = td.reduce(macro, still, nodes=6)
-    assert "flow" in {r.form for r in td.compile_network(found.model).numbers().conductors}
+    found = td.qualify.reduce(macro, still, nodes=6)
+    assert "flow" in {r.form for r in td.network.compile_network(found.model).numbers().conductors}
     assert abs(found.worst.largest) < 1.5
 
 
@@ -165,7 +165,7 @@ def test_a_flow_keeps_its_direction(macro: td.Model) -> None:
 )
 def test_mistakes_of_a_reduction_are_named(more: dict[str, object], words: str) -> None:
     with pytest.raises(td.ThermidError, match=words):
-        td.reduce(box(), WARM, **more)
+        td.qualify.reduce(box(), WARM, **more)
 
 
 def test_a_thermostat_is_kept_outside() -> None:
@@ -179,16 +179,16 @@ def test_a_thermostat_is_kept_outside() -> None:
         }
     )
     with pytest.raises(DeckError, match=r"'h' is not a constant power \(thermostat\.off_above, thermostat\.on_below\)\."):
-        td.reduce(heated, WARM, nodes=1)
+        td.qualify.reduce(heated, WARM, nodes=1)
 
 
 def test_a_part_that_changes_in_time_is_refused(macro: td.Model) -> None:
     with pytest.raises(DeckError, match=r"'air_flow' follows a schedule, which a reduced deck cannot"):
-        td.reduce(macro, td.load_scenario(MACRO / "pad_hold.toml"), nodes=6)
+        td.qualify.reduce(macro, td.load_scenario(MACRO / "pad_hold.toml"), nodes=6)
     skin = {"of": "base", "to": "air", "area": "0.05 [m^2]", "htc": "4 [W/(m^2 K)]", "emissivity": 0.8}
     thinner = {"times": ["0 [h]", "1 [h]"], "values": ["1 [atm]", "0.1 [atm]"], "after": "hold"}
     with pytest.raises(DeckError, match=r"'skin.*' changes with its gas or a schedule"):
-        td.reduce(box(surfaces={"skin": skin}), WARM.with_(environment={"air": td.Environment(thinner)}), nodes=3)
+        td.qualify.reduce(box(surfaces={"skin": skin}), WARM.with_(environment={"air": td.network.Environment(thinner)}), nodes=3)
 
 
 # delivery ----------------------------------------------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def project(tmp_path: Path) -> Path:
 
 def test_a_delivery_is_met_from_its_folder(project: Path) -> None:
     model = td.load_model(project / "box.toml").with_values({"to_base.conductance": "0.9 [W/K]"}, "a fit")
-    target = td.deliver(model, [project / "warm.toml"], project / "out", within="0.5 [K]")
+    target = td.qualify.deliver(model, [project / "warm.toml"], project / "out", within="0.5 [K]")
     record = json.loads(target.read_text("utf-8"))
     assert set(record["files"]) == {"full/model.toml", "scenarios/warm.toml", "reduced/model.toml"}
     assert record["written"]["by"].startswith("thermid ")
@@ -213,34 +213,34 @@ def test_a_delivery_is_met_from_its_folder(project: Path) -> None:
     assert record["runs"]["warm.toml"]["heat_balance"]["residual"] < 1e-6
     again = td.load_model(project / "out" / "full" / "model.toml")
     assert td.steady(again, WARM)["base"] == pytest.approx(td.steady(model, WARM)["base"], abs=1e-12)
-    assert td.check_delivery(project / "out")["warm.toml"] < 1e-6
+    assert td.qualify.check_delivery(project / "out")["warm.toml"] < 1e-6
 
 
 def test_a_changed_file_and_a_missed_temperature_are_found(project: Path) -> None:
-    td.deliver(td.load_model(project / "box.toml"), [project / "warm.toml"], project / "out")
+    td.qualify.deliver(td.load_model(project / "box.toml"), [project / "warm.toml"], project / "out")
     deck = project / "out" / "full" / "model.toml"
     deck.write_text(deck.read_text("utf-8").replace("800", "810"), "utf-8")
     with pytest.raises(DeckError, match=r"'full/model.toml' is not the file that was delivered"):
-        td.check_delivery(project / "out")
+        td.qualify.check_delivery(project / "out")
     checks = project / "out" / "checks.json"
     record = json.loads(checks.read_text("utf-8"))
     record["files"] = {}
     checks.write_text(json.dumps(record), "utf-8")
     with pytest.raises(DeckError, match=r"'.*' is 0\.\d+ K from its expected value in warm\.toml"):
-        td.check_delivery(project / "out")
+        td.qualify.check_delivery(project / "out")
     checks.unlink()
     with pytest.raises(DeckError, match="'out' is not a delivery: it has"):
-        td.check_delivery(project / "out")
+        td.qualify.check_delivery(project / "out")
 
 
 def test_mistakes_of_a_delivery(project: Path) -> None:
     model = td.load_model(project / "box.toml")
     with pytest.raises(DeckError, match=r"is not empty\. A delivery is written once"):
-        td.deliver(model, [project / "warm.toml"], project)
+        td.qualify.deliver(model, [project / "warm.toml"], project)
     with pytest.raises(DeckError, match="needs a scenario"):
-        td.deliver(model, [], project / "out")
+        td.qualify.deliver(model, [], project / "out")
     with pytest.raises(ScenarioError, match="either 'nodes' or 'within'"):
-        td.deliver(model, [project / "warm.toml"], project / "out", nodes=2, within="1 [K]")
+        td.qualify.deliver(model, [project / "warm.toml"], project / "out", nodes=2, within="1 [K]")
     assert not (project / "out").exists()
 
 

@@ -9,17 +9,17 @@ import pytest
 import thermid as td
 from webpage import without_script
 
-PLAIN = td.Structure(
+PLAIN = td.reporting.Structure(
     "plain", "two <masses>", 4, 900.0, 40.0, 30.0, {"T": 0.5}, {"T": {"a": 0.9, "b": 1.1}}, {"skin.htc": (5.0, 0.1, "W/(m^2 K)")}
 )
-LAG = td.Structure("lag", "a sensor that lags", 5, 820.0, 10.0, 5.0, {"T": 0.3}, {"T": {"a": 0.40, "b": 0.44}})
-CURVE = td.Structure(
+LAG = td.reporting.Structure("lag", "a sensor that lags", 5, 820.0, 10.0, 5.0, {"T": 0.3}, {"T": {"a": 0.40, "b": 0.44}})
+CURVE = td.reporting.Structure(
     "curve", "a bent law", 7, 815.0, 8.0, 3.0, {"T": 0.3}, {"T": {"a": 0.40, "b": 0.42}}, at_bounds=("x ends at its bound 2",)
 )
-LIKELY = td.Structure(
+LIKELY = td.reporting.Structure(
     "likely", "two of all", 9, 800.0, 0.0, 0.0, {"T": 0.2}, {"T": {"a": 0.6, "b": 0.7}}, doubts=("tau = 57 s, outside 5 .. 40",)
 )
-REFUSED = td.Structure("walls", "and walls", 9, refused="'wall' and 'room' apart. cannot be separated by")
+REFUSED = td.reporting.Structure("walls", "and walls", 9, refused="'wall' and 'room' apart. cannot be separated by")
 ALL = (PLAIN, LAG, CURVE, LIKELY, REFUSED)
 
 
@@ -28,7 +28,7 @@ def text(path: Path) -> str:
 
 
 def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> None:
-    page = text(td.structures_report("Box", ALL, to=tmp_path / "page.html", reasons=["Because I say so."], notes=["Real logs."]))
+    page = text(td.reporting.structures_report("Box", ALL, to=tmp_path / "page.html", reasons=["Because I say so."], notes=["Real logs."]))
     assert "Taken: lag" in page
     for words in (
         "Likeliest on the fitted runs: likely, but implausible: tau = 57 s, outside 5 .. 40.",
@@ -46,9 +46,9 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
 
 
 def test_the_author_may_take_another_and_none_may_do(tmp_path: Path) -> None:
-    assert "Taken: plain" in text(td.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
-    assert "None is acceptable" in text(td.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
+    assert "Taken: plain" in text(td.reporting.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
+    assert "None is acceptable" in text(td.reporting.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
     with pytest.raises(ValueError, match=r"unknown structure 'boardd'\. Known: plain, lag"):
-        td.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
+        td.reporting.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
     with pytest.raises(ValueError, match="no structures are given to"):
-        td.structures_report("Box", (), to=tmp_path / "d.html")
+        td.reporting.structures_report("Box", (), to=tmp_path / "d.html")

@@ -52,7 +52,7 @@ def page(drawn: Plot, tmp_path_factory: pytest.TempPathFactory) -> str:
     section = Section.of("own", "What the author adds", blocks)
     target = tmp_path_factory.mktemp("page") / "deep" / "page.html"
     empty = Campaign("nothing run", {}, (), {})
-    made = td.study_report(td.load_study(STUDY), empty, to=target, sections=[section], watermark="A trial & no more")
+    made = td.reporting.study_report(td.design.load_study(STUDY), empty, to=target, sections=[section], watermark="A trial & no more")
     assert made == target
     return target.read_text(encoding="utf-8")
 
@@ -60,7 +60,7 @@ def page(drawn: Plot, tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_it_holds_the_four_steps_the_parts_and_where_values_come_from(page: str) -> None:
     for words in ("1  Knowledge and intended use", "2  Box colour", "3  Theoretical and experimental set-up", "4  Procedure"):
         assert words in page
-    for item in td.load_study(STUDY).components:
+    for item in td.design.load_study(STUDY).components:
         assert item in page
     assert page.count("with qualification") == 5
     assert "39 assumed, 5 derived, 27 published" in page

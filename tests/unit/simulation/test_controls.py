@@ -413,7 +413,7 @@ def test_a_switch_and_a_schedule_while_the_pressure_falls() -> None:
         start="20 [degC]",
         duration="1200 [s]",
         schedule=schedule,
-        environment={"*": td.Environment(pressure=pressure)},
+        environment={"*": td.network.Environment(pressure=pressure)},
     )
     run_ = td.simulate(td.model_from_dict(deck_), scenario)
     assert run_.heat_balance().relative < 1e-9
@@ -458,7 +458,7 @@ def test_a_set_point_follows_a_schedule() -> None:
     def reference(t: float) -> float:
         return 298.15 + 25.0 * min(max((t - 2.0) / 6.0, 0.0), 1.0)
 
-    losses = td.law(lambda t: 10.0 / (1.0 + (t - 293.15) / 255.0), between=("0 [degC]", "120 [degC]"), tolerance=1e-11)
+    losses = td.model.law(lambda t: 10.0 / (1.0 + (t - 293.15) / 255.0), between=("0 [degC]", "120 [degC]"), tolerance=1e-11)
     model = td.model_from_dict(
         {
             "title": "controlled temperature",

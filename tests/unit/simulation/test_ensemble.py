@@ -60,14 +60,14 @@ SPREADS: dict[str, Any] = {
     "initial.board": {"low": "20 [degC]", "high": "30 [degC]"},
     "scale.chip": {"sd": 0.1},
 }
-DRAWS = td.draw(MODEL, ROOM, SPREADS, 21, seed=5)
+DRAWS = td.simulation.draw(MODEL, ROOM, SPREADS, 21, seed=5)
 
 
 def member(k: int, draws: Any = None) -> dict[str, float]:
     return {name: float(v[k]) for name, v in (draws or DRAWS).items()}
 
 
-def far(one: td.Ensemble, other: td.Ensemble) -> float:
+def far(one: td.simulation.Ensemble, other: td.simulation.Ensemble) -> float:
     return max(float(np.abs(one.temperatures(n) - other.temperatures(n)).max()) for n in one.nodes)
 
 
@@ -222,19 +222,19 @@ def test_kept_quantiles_are_those_of_the_traces(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_draws_have_the_spread_asked_for() -> None:
-    many = td.draw(MODEL, ROOM, SPREADS, 20000, seed=1)
+    many = td.simulation.draw(MODEL, ROOM, SPREADS, 20000, seed=1)
     assert many["skin.htc.coefficient"].mean() == pytest.approx(1.6, rel=5e-3)
     assert many["skin.htc.coefficient"].std() == pytest.approx(0.24, rel=0.02)
     assert np.log(many["left.conductance"] / 2.0).std() == pytest.approx(0.3, rel=0.02)
     assert many["board.capacitance"].std() == pytest.approx(30.0, rel=0.02)
     assert many["room"].std() == pytest.approx(0.5, rel=0.02)
     assert (many["initial.board"].min(), many["initial.board"].max()) == pytest.approx((293.15, 303.15), abs=0.01)
-    assert all(np.array_equal(many[n], v) for n, v in td.draw(MODEL, ROOM, SPREADS, 20000, seed=1).items())
-    assert not np.array_equal(many["room"], td.draw(MODEL, ROOM, SPREADS, 20000, seed=2)["room"])
+    assert all(np.array_equal(many[n], v) for n, v in td.simulation.draw(MODEL, ROOM, SPREADS, 20000, seed=1).items())
+    assert not np.array_equal(many["room"], td.simulation.draw(MODEL, ROOM, SPREADS, 20000, seed=2)["room"])
 
 
 def test_draws_stay_within_the_bounds_of_a_deck() -> None:
-    found = td.draw(MODEL, ROOM, {"skin.emissivity": {"sd": 0.3}}, 2000, seed=1)["skin.emissivity"]
+    found = td.simulation.draw(MODEL, ROOM, {"skin.emissivity": {"sd": 0.3}}, 2000, seed=1)["skin.emissivity"]
     assert 0.95 < found.max() <= 1.0
 
 
@@ -253,7 +253,7 @@ def test_draws_stay_within_the_bounds_of_a_deck() -> None:
 )
 def test_spreads_that_make_no_sense(spread: dict[str, Any], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        td.draw(MODEL, ROOM, spread, 10, seed=1)
+        td.simulation.draw(MODEL, ROOM, spread, 10, seed=1)
 
 
 @pytest.mark.parametrize(

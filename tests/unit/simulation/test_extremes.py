@@ -96,7 +96,7 @@ def test_a_unit_on_in_pulses_was_never_on_at_a_sample() -> None:
 
 
 def test_hold_never_passed_a_limit_in_100_percent_that_pulses_pass_in_all() -> None:
-    runs = td.uncertain_runs(pulsed(), day(), spread={"out.conductance": "2 [%]"}, n=40, nodes=["chip"])
+    runs = td.qualify.uncertain_runs(pulsed(), day(), spread={"out.conductance": "2 [%]"}, n=40, nodes=["chip"])
     found = hold(runs, {"chip": "45 [degC]"})
     assert found["chip"].never == 0.0
     assert found["chip"].crossings.max() <= 12.0
@@ -107,14 +107,14 @@ def test_hold_never_passed_a_limit_in_100_percent_that_pulses_pass_in_all() -> N
 
 def test_members_in_a_file_keep_their_pulses(tmp_path: Path) -> None:
     given: dict[str, Any] = {"spread": {"out.conductance": "2 [%]"}, "n": 16, "nodes": ["chip"], "chunk": 8, "folder": tmp_path}
-    first, again = td.uncertain_runs(pulsed(), day(), **given), td.uncertain_runs(pulsed(), day(), **given)
+    first, again = td.qualify.uncertain_runs(pulsed(), day(), **given), td.qualify.uncertain_runs(pulsed(), day(), **given)
     assert again.reused == 16
     assert np.array_equal(first.highest("chip"), again.highest("chip"))
     assert again.highest("chip").min() > 50.0
 
 
 def test_margins_by_the_samples_missed_the_pulses() -> None:
-    seen = td.foresee(td.Known.of(pulsed()), day(), spread={"out.conductance": "2 [%]"})
+    seen = td.design.foresee(td.design.Known.of(pulsed()), day(), spread={"out.conductance": "2 [%]"})
     hot = next(m for m in margins({"day": seen}, [LIMIT]) if m.side == "hot")
     assert hot.predicted - ICE_POINT == pytest.approx(PEAK, abs=0.01)
     assert hot.room < -9.9

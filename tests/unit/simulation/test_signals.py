@@ -110,15 +110,17 @@ PLACES: dict[str, Callable[[Signal], td.Scenario]] = {
     "load": lambda s: plain(loads={"heater": laid(s, 0.0, 20.0)}),
     "prescribed": lambda s: plain(prescribed={"plug": laid(s, 290.0, 330.0)}),
     "schedule": lambda s: plain(schedule={"ease": laid(s, 0.5, 3.0)}),
-    "pressure": lambda s: plain(environment={"air": td.Environment(laid(s, 1e3, 1e5))}),
-    "wind": lambda s: plain(environment={"air": td.Environment(wind=laid(s, 0.0, 6.0))}),
-    "radiation": lambda s: plain(irradiation={"face": td.Irradiation(direct=laid(s, 0.0, 500.0), infrared=Sine(20.0, 10.0, 4000.0))}),
-    "sky": lambda s: plain(irradiation={"face": td.Irradiation(sky=laid(s, 220.0, 260.0), sky_view=0.5)}),
-    "orbit": lambda s: plain(
-        irradiation={"face": td.orbit_irradiation("400 [km]", tilt=30.0, sun=40.0, albedo=0.3, infrared="230 [W/m^2]", lit=s)}
+    "pressure": lambda s: plain(environment={"air": td.network.Environment(laid(s, 1e3, 1e5))}),
+    "wind": lambda s: plain(environment={"air": td.network.Environment(wind=laid(s, 0.0, 6.0))}),
+    "radiation": lambda s: plain(
+        irradiation={"face": td.network.Irradiation(direct=laid(s, 0.0, 500.0), infrared=Sine(20.0, 10.0, 4000.0))}
     ),
-    "pad, air": lambda s: td.pad_scenario(
-        td.Site(0.0, 0.0, 0.0, 0.0),
+    "sky": lambda s: plain(irradiation={"face": td.network.Irradiation(sky=laid(s, 220.0, 260.0), sky_view=0.5)}),
+    "orbit": lambda s: plain(
+        irradiation={"face": td.site.orbit_irradiation("400 [km]", tilt=30.0, sun=40.0, albedo=0.3, infrared="230 [W/m^2]", lit=s)}
+    ),
+    "pad, air": lambda s: td.site.pad_scenario(
+        td.site.Site(0.0, 0.0, 0.0, 0.0),
         begin="2026-03-21 09:00",
         duration=LASTS,
         air="air",
@@ -126,13 +128,15 @@ PLACES: dict[str, Callable[[Signal], td.Scenario]] = {
         sun=False,
         sky=False,
     ),
-    "ascent, air": lambda s: td.ascent_scenario(
+    "ascent, air": lambda s: td.site.ascent_scenario(
         pressure=TableSignal(np.array([0.0, 4.0 * HOUR]), np.array([1e5, 1e3])),
         air="air",
         air_temperature=laid(s, 280.0, 310.0),
         duration=LASTS,
     ),
-    "ascent, pressure": lambda s: td.ascent_scenario(pressure=laid(s, 1e3, 1e5), air="air", air_temperature="20 [degC]", duration=LASTS),
+    "ascent, pressure": lambda s: td.site.ascent_scenario(
+        pressure=laid(s, 1e3, 1e5), air="air", air_temperature="20 [degC]", duration=LASTS
+    ),
 }
 
 
@@ -147,7 +151,7 @@ def test_a_start_later_is_the_scenario_written_out_at_that_hour(kind: str, place
         )
     if place == "ascent, air":
         falls = TableSignal(np.array([0.0, 2.0 * HOUR]), np.array([50500.0, 1e3]))
-        other = replace(other, environment={"air": td.Environment(falls)})
+        other = replace(other, environment={"air": td.network.Environment(falls)})
     model = box(facing={"tilt": 0.0}) if place == "sky" else box()
     if place == "sky":
         made, other = (replace(s, start="20 [degC]") for s in (made, other))
@@ -195,10 +199,10 @@ def test_a_scale_of_a_load_is_the_scenario_written_out() -> None:
 def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
     """Before, `start_time` moved boundaries, loads and prescribed nodes alone: a plate whose sun rises later stayed in the dark."""
     day = TableSignal(np.array([0.0, 6.0, 12.0, 18.0, 24.0]) * HOUR, np.array([0.0, 0.0, 900.0, 0.0, 0.0]))
-    scenario = plain(irradiation={"face": td.Irradiation(direct=day)}, duration=HOUR)
+    scenario = plain(irradiation={"face": td.network.Irradiation(direct=day)}, duration=HOUR)
     noon = td.simulate(box(), begun_at(scenario, 11.5 * HOUR), times=[HOUR])["skin"].final
     assert noon > td.simulate(box(), scenario, times=[HOUR])["skin"].final + 10.0
-    runs = td.uncertain_runs(
+    runs = td.qualify.uncertain_runs(
         box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "12 [h]", "step": "6 [h]"}}, n=12, nodes=["skin"]
     )
     assert np.ptp(runs.of("skin")[:, -1]) > 10.0
@@ -206,7 +210,7 @@ def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
 
 def test_what_stays_at_a_later_start_is_said() -> None:
     scenario = plain(commands={"heater": TableSignal(np.array([0.0, 600.0]), np.array([1.0, 0.0]), hold=True)})
-    runs = td.uncertain_runs(box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=2)
+    runs = td.qualify.uncertain_runs(box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=2)
     assert runs.warnings == ("the start moves all that changes in time but heater, which counts from it",)
 
 
@@ -223,7 +227,7 @@ def test_a_pad_begun_later_is_the_pad_of_that_hour(tmp_path: Path, cloudless: bo
     """Before, the weather was cut to the duration before it was shifted, and the sun stayed where it was."""
     pytest.importorskip("pvlib")
     (tmp_path / "day.csv").write_text(WEATHER, encoding="ascii")
-    site, weather = td.Site(10.0, 0.0, 0.0, 0.0), td.read_weather(tmp_path / "day.csv")
+    site, weather = td.site.Site(10.0, 0.0, 0.0, 0.0), td.site.read_weather(tmp_path / "day.csv")
     given: dict[str, Any] = (
         {"air": "air", "wind": {"face.htc": {"length": "0.4 [m]", "calm": "4 [W/(m^2 K)]"}}} if not cloudless else {"air": "air"}
     )
@@ -231,7 +235,7 @@ def test_a_pad_begun_later_is_the_pad_of_that_hour(tmp_path: Path, cloudless: bo
         given |= {"air_temperature": Sine(293.0, 5.0, 86400.0), "sky": False, "turbidity": 3.0}
     model = box(facing={"tilt": 30.0, "azimuth": 90.0}, **({} if cloudless else {"htc": "5 [W/(m^2 K)]"}))
     early, late = (
-        td.pad_scenario(site, None if cloudless else weather, begin=f"2026-03-21 {hour}", duration=LASTS, **given)
+        td.site.pad_scenario(site, None if cloudless else weather, begin=f"2026-03-21 {hour}", duration=LASTS, **given)
         for hour in ("07:20", "10:35")
     )
     if cloudless:
@@ -250,8 +254,8 @@ def test_an_ascent_begun_later_is_the_rest_of_it() -> None:
         np.array([0.0, 300.0, 800.0, 1600.0, 2500.0, 3100.0, 3500.0, 4300.0]),
     )
     given: dict[str, Any] = {"air": "air", "air_temperature": "20 [degC]", "flow": {"face": 0.5}, "upper": "standard", "duration": "60 [s]"}
-    early = td.ascent_scenario(Trajectory(times, height, speed), separation="170 [s]", **(given | {"duration": "180 [s]"}))
-    late = td.ascent_scenario(Trajectory(times - 160.0, height, speed), separation="10 [s]", **given)
+    early = td.site.ascent_scenario(Trajectory(times, height, speed), separation="170 [s]", **(given | {"duration": "180 [s]"}))
+    late = td.site.ascent_scenario(Trajectory(times - 160.0, height, speed), separation="10 [s]", **given)
     model, at = box(), np.linspace(0.0, 60.0, 13)
     begun = replace(begun_at(early, 160.0), duration=60.0)
     one, other = (td.simulate(model, s.with_(start="20 [degC]"), times=at).temperatures for s in (begun, late))
@@ -265,7 +269,7 @@ def test_a_wall_that_is_held_stays_held_until_the_fairing_goes() -> None:
     rows = TableSignal(np.array([0.0, 50.0, 100.0]), np.array([300.0, 350.0, 320.0]), hold=True)
     falls = TableSignal(np.array([0.0, 200.0]), np.array([1e5, 1.0]))
     for wall in (rows, Sine(300.0, 20.0, 40.0)):
-        made = td.ascent_scenario(
+        made = td.site.ascent_scenario(
             pressure=falls, air="air", air_temperature="20 [degC]", walls={"w": wall}, separation="150 [s]", duration="200 [s]"
         )
         times = np.array([10.0, 49.0, 51.0, 99.0, 120.0, 149.0])
@@ -276,21 +280,21 @@ def test_a_wall_that_is_held_stays_held_until_the_fairing_goes() -> None:
 def test_light_that_is_a_sine_does_not_freeze() -> None:
     """Before, the light of an orbit that was a sine was its value at zero for ever."""
     lit = Sine(0.5, 0.5, 5400.0)
-    falling = td.orbit_irradiation("400 [km]", tilt=0.0, sun=0.0, albedo=0.3, infrared="230 [W/m^2]", lit=lit)
+    falling = td.site.orbit_irradiation("400 [km]", tilt=0.0, sun=0.0, albedo=0.3, infrared="230 [W/m^2]", lit=lit)
     times = np.linspace(0.0, 5400.0, 9)
     assert falling.direct.at(times) == pytest.approx(1361.0 * lit.at(times), rel=1e-3)
 
 
 def test_an_eclipse_goes_on_after_the_duration() -> None:
-    light = td.eclipse_signal("400 [km]", 0.0, "2 [h]")
+    light = td.site.eclipse_signal("400 [km]", 0.0, "2 [h]")
     assert light.at(np.array([0.0, 20 * light.cycle + 1.0])).tolist() == [0.0, 0.0]
-    late = td.eclipse_signal("400 [km]", 0.0, "2 [h]", "85 [min]")
+    late = td.site.eclipse_signal("400 [km]", 0.0, "2 [h]", "85 [min]")
     assert late.at(np.array([0.0, 60.0, 5101.0])).tolist() == [1.0, 1.0, 0.0]
 
 
 def test_a_sine_of_pressure_swings_to_the_end_of_the_run() -> None:
     """Before, it stood still after 200 periods."""
-    swings = plain(environment={"air": td.Environment(Sine(6e4, 3e4, 10.0))}, duration=4000.0)
+    swings = plain(environment={"air": td.network.Environment(Sine(6e4, 3e4, 10.0))}, duration=4000.0)
     drawn = swings.media().signals()["natural air"]
     assert float(np.ptp(drawn.at(np.linspace(3900.0, 4000.0, 1001)))) > 0.3
 
@@ -387,7 +391,7 @@ def test_a_steady_state_of_a_pulsed_load_says_which_inputs_it_holds() -> None:
     assert str(found).splitlines()[0] == "steady, inputs at 0 s"
     assert td.steady(pulsed(), still, "300 [s]")["core"] - 293.15 == pytest.approx(0.0, abs=1e-6)
     assert td.steady(pulsed(), still, "mean")["core"] - 293.15 == pytest.approx(12.0)
-    assert [round(s["core"] - 293.15, 6) for s in td.steady_levels(pulsed(), still)] == [60.0, 0.0]
+    assert [round(s["core"] - 293.15, 6) for s in td.simulation.steady_levels(pulsed(), still)] == [60.0, 0.0]
     assert td.steady(pulsed(), plain(duration=0.0, loads={"h": "5 [W]"})).remarks == ()
 
 
@@ -407,7 +411,7 @@ def test_the_periodic_state_by_hand() -> None:
 def test_a_periodic_start_of_laws_that_bend_comes_back() -> None:
     face = {
         "irradiation": {
-            "face": td.Irradiation(
+            "face": td.network.Irradiation(
                 direct={
                     "times": ["0 [s]", "1000 [s]", "3000 [s]"],
                     "values": ["900 [W/m^2]", "0 [W/m^2]", "900 [W/m^2]"],

@@ -26,11 +26,11 @@ FREE = ("left.conductance", "skin.htc", "room", "initial.hot", "scale.heater")
 
 
 @pytest.fixture(scope="module")
-def simulator() -> td.Simulator:
+def simulator() -> td.simulation.Simulator:
     return td.prepare(td.model_from_dict(DECK), ROOM, FREE, every=600.0)
 
 
-def test_without_values_it_is_a_plain_run(simulator: td.Simulator) -> None:
+def test_without_values_it_is_a_plain_run(simulator: td.simulation.Simulator) -> None:
     plain = td.simulate(td.model_from_dict(DECK), ROOM, every=600.0)
     assert np.array_equal(simulator.run().temperatures, plain.temperatures)
     assert dict(simulator.nominal) == {
@@ -42,7 +42,7 @@ def test_without_values_it_is_a_plain_run(simulator: td.Simulator) -> None:
     }
 
 
-def test_values_act_as_in_a_changed_model(simulator: td.Simulator) -> None:
+def test_values_act_as_in_a_changed_model(simulator: td.simulation.Simulator) -> None:
     changed = {**DECK, "loads": {"heater": {"into": "hot", "power": "10 [W]"}}}
     changed["surfaces"] = {"skin": {**DECK["surfaces"]["skin"], "htc": "11 [W/(m^2 K)]"}}
     expected = td.simulate(td.model_from_dict(changed), ROOM.with_(initial={"hot": "30 [degC]"}), every=600.0)
@@ -52,21 +52,21 @@ def test_values_act_as_in_a_changed_model(simulator: td.Simulator) -> None:
 
 @pytest.mark.parametrize("node", ["hot", "cold", "seam", "room"])
 @pytest.mark.parametrize("name", FREE)
-def test_sensitivities_are_slopes(simulator: td.Simulator, node: str, name: str) -> None:
+def test_sensitivities_are_slopes(simulator: td.simulation.Simulator, node: str, name: str) -> None:
     found = simulator.run(sensitivities=True).sensitivity(node, name)
     here, step = simulator.nominal[name], 1e-3 * max(abs(simulator.nominal[name]), 1.0)
     low, high = (simulator.run({name: here + sign * step})[node].kelvin for sign in (-1.0, 1.0))
     assert found == pytest.approx((high - low) / (2 * step), rel=2e-4, abs=2e-4)
 
 
-def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.Simulator) -> None:
+def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.simulation.Simulator) -> None:
     with pytest.raises(NameNotFoundError, match=r"computed\. Run with run\(sensitivities=True\)"):
         simulator.run().sensitivity("hot", "skin.htc")
     with pytest.raises(NameNotFoundError, match=r"no sensitivity to 'gap\.conductance': it has those to left\.conductance"):
         simulator.run(sensitivities=True).sensitivity("hot", "gap.conductance")
 
 
-def test_only_free_names_take_values(simulator: td.Simulator) -> None:
+def test_only_free_names_take_values(simulator: td.simulation.Simulator) -> None:
     with pytest.raises(NameNotFoundError, match=r"'right\.conductance' is not free in this simulator\. Name it in free="):
         simulator.run({"right.conductance": 1.0})
     with pytest.raises(NameNotFoundError, match=r"Did you mean 'skin\.htc'"):

@@ -14,7 +14,7 @@ from thermid.site.atmosphere import standard_atmosphere
 
 FLIGHTS = Path(__file__).parents[4] / "shared" / "data" / "rocket_avionics_rocketpy"
 TIMES = np.array([0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0, 240.0])
-LAUNCH = td.Trajectory(
+LAUNCH = td.site.Trajectory(
     TIMES,
     1e3 * np.array([0.0, 4.0, 18.0, 40.0, 65.0, 92.0, 115.0, 150.0]),
     np.array([0.0, 300.0, 800.0, 1600.0, 2500.0, 3100.0, 3500.0, 4300.0]),
@@ -30,7 +30,7 @@ def panel() -> td.Model:
 
 def launch(**more: Any) -> td.Scenario:
     made: dict[str, Any] = {"air": "gas", "air_temperature": "20 [degC]", "walls": {"wall": "20 [degC]"}, "upper": "standard"}
-    return td.ascent_scenario(LAUNCH, **(made | more))
+    return td.site.ascent_scenario(LAUNCH, **(made | more))
 
 
 def test_pressure_follows_altitude() -> None:
@@ -42,11 +42,11 @@ def test_pressure_follows_altitude() -> None:
 def test_above_86_km_somebody_must_say_what_the_air_is() -> None:
     with pytest.raises(ScenarioError, match=r"end at 86 km, and 150 km was requested\. Above it"):
         launch(upper="")
-    day = td.Trajectory(LAUNCH.times, LAUNCH.altitude, LAUNCH.speed, np.full(8, 5.0), np.full(8, 1e-7))
-    made = td.ascent_scenario(day, air="gas", air_temperature="20 [degC]", flow={"face": 1.0}, separation="170 [s]")
+    day = td.site.Trajectory(LAUNCH.times, LAUNCH.altitude, LAUNCH.speed, np.full(8, 5.0), np.full(8, 1e-7))
+    made = td.site.ascent_scenario(day, air="gas", air_temperature="20 [degC]", flow={"face": 1.0}, separation="170 [s]")
     assert made.irradiation["face"].stream.at(np.array([240.0]))[0] == pytest.approx(0.5e-7 * 4300.0**3)
     with pytest.raises(ScenarioError, match="ends at 200 km here, and 400 km"):
-        td.Trajectory(np.array([0.0, 9.0]), np.array([0.0, 4e5])).air(np.array([9.0]), "standard")
+        td.site.Trajectory(np.array([0.0, 9.0]), np.array([0.0, 4e5])).air(np.array([9.0]), "standard")
     with pytest.raises(ScenarioError, match="upper is 'standard'"):
         launch(upper="msis")
 
@@ -76,7 +76,7 @@ def test_heat_of_an_ascent_balances() -> None:
 
 def test_a_curve_in_place_of_a_trajectory() -> None:
     curve = {"times": ["0 [s]", "40 [s]"], "values": ["101 [kPa]", "0 [Pa]"]}
-    made = td.ascent_scenario(pressure=curve, air_temperature="20 [degC]", duration="60 [s]")
+    made = td.site.ascent_scenario(pressure=curve, air_temperature="20 [degC]", duration="60 [s]")
     assert made.environment["ambient"].pressure.at(np.array([20.0]))[0] == pytest.approx(50500.0)
 
 
@@ -132,13 +132,13 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
     ):
         path.write_text(text, encoding="ascii")
         with pytest.raises(RecordError, match=words):
-            td.read_trajectory(path)
+            td.site.read_trajectory(path)
     with pytest.raises(ScenarioError, match="a speed of -5 m/s"):
-        td.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
+        td.site.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
     with pytest.raises(ScenarioError, match="give a trajectory, or the pressure"):
-        td.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
+        td.site.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
     with pytest.raises(ScenarioError, match=r"the duration is missing\."):
-        td.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
+        td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 
 @pytest.mark.parametrize("name", ["prometheus_telemega.csv.gz", "prometheus_telemetrum.csv.gz"])
@@ -149,7 +149,7 @@ def test_pressure_by_altitude_is_that_of_a_real_flight(name: str) -> None:
         pytest.skip(f"{name} is not beside the repository")
     times, height, measured = _flight(path)
     ground = _altitude(float(np.median(measured[times < 0.2])))
-    flight = td.Trajectory(times, ground + height)
+    flight = td.site.Trajectory(times, ground + height)
     assert height.max() > 3800.0
     assert np.abs(flight.air(times)[0] / measured - 1.0).max() < 5e-4
 
@@ -161,12 +161,14 @@ def test_a_measured_pressure_is_an_ascent_too(name: str) -> None:
     if not path.exists():
         pytest.skip(f"{name} is not beside the repository")
     table = read_plain_pressure(path)
-    made = td.ascent_scenario(pressure=table, air="gas", air_temperature="30 [degC]", duration="60 [s]", boundaries={"wall": "30 [degC]"})
+    made = td.site.ascent_scenario(
+        pressure=table, air="gas", air_temperature="30 [degC]", duration="60 [s]", boundaries={"wall": "30 [degC]"}
+    )
     run = td.simulate(panel(), made.with_(start="30 [degC]"))
     assert run.status == "ok"
     # an unpowered plate at the temperature of gas and wall stays there, whatever the pressure does
     assert np.abs(run["panel"].celsius - 30.0).max() < 1e-6
-    fastest = td.ascent_checks(made, "gas")[0]
+    fastest = td.site.ascent_checks(made, "gas")[0]
     assert 1000.0 < fastest.value < 6000.0
 
 

@@ -43,7 +43,7 @@ def balanced() -> tuple[float, float, float]:
 def test_a_cold_box_in_humid_air() -> None:
     """From -10 degC into 30 degC and 60 %: minutes below the dew point to 0.5 %, the film to 2 %, the end to 0.05 K."""
     minutes, film, end = balanced()
-    found = td.moisture(BOX, TRANSFER, {"air": 0.6}, every=30.0)
+    found = td.site.moisture(BOX, TRANSFER, {"air": 0.6}, every=30.0)
     assert found["skin"].condensing / 60 == pytest.approx(minutes, rel=5e-3)
     assert found["skin"].film.max() == pytest.approx(film, rel=0.02)
     assert found.solution["case"].kelvin[-1] == pytest.approx(end, abs=0.05)
@@ -54,8 +54,8 @@ def test_a_cold_box_in_humid_air() -> None:
 def film_at(pressure: float) -> float:
     """Greatest film on a cold mass so heavy that latent heat does not warm it. [kg/m^2]"""
     heavy = BOX.with_values({"case.capacitance": "1e7 [J/K]"})
-    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.Environment(pressure=f"{pressure} [Pa]")})
-    found = td.moisture(heavy, thin, {"air": 0.6})
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.network.Environment(pressure=f"{pressure} [Pa]")})
+    found = td.site.moisture(heavy, thin, {"air": 0.6})
     share = found.solution.heat_flow("skin")[-1] / (0.08 * (found.solution["case"].kelvin[-1] - 303.15)) / 5.0  # of its coefficient
     return float(found["skin"].film[-1] / share)
 
@@ -69,30 +69,30 @@ def test_latent_heat_is_that_of_the_film() -> None:
     """The polygon of latent heat holds the water that settles and dries, in steps of 2 min as in steps of 5 s."""
     cold = TRANSFER.with_(start="5 [degC]")
     for every in (120.0, 5.0):
-        skin = td.moisture(BOX, cold, {"air": 0.6}, every=every)["skin"]
+        skin = td.site.moisture(BOX, cold, {"air": 0.6}, every=every)["skin"]
         assert skin.film[-1] == 0.0
         assert skin.film.max() > 0.01
         assert abs(skin.heat) < 0.02 * 0.08 * skin.film.max() * 2.48e6  # the heat of evaporation falls by 1 % in 10 K
 
 
 def test_another_gas_than_air_is_refused() -> None:
-    helium = TRANSFER.with_(environment={"air": td.Environment(gas="He")})
+    helium = TRANSFER.with_(environment={"air": td.network.Environment(gas="He")})
     skin = {"of": "case", "to": "air", "area": "0.08 [m^2]", "htc": {"length": "0.2 [m]"}}
     box = td.model_from_dict({"title": "b", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}})
     with pytest.raises(td.ThermidError, match=r"'air' is He, but the diffusion of vapour is known in air only\. Leave"):
-        td.moisture(box, helium, {"air": 0.6})
+        td.site.moisture(box, helium, {"air": 0.6})
 
 
 def test_vapour_that_is_not_dilute_is_said() -> None:
     """At 15 kPa a sixth of the gas is vapour: the analogy leaves the stream out that it makes."""
-    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.Environment(pressure="15 [kPa]")})
-    found = td.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.network.Environment(pressure="15 [kPa]")})
+    found = td.site.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
     assert ", but mass transfer is computed for dilute vapour. Real" in str(found).splitlines()[1]
 
 
 def test_latent_heat_matters() -> None:
     """Without it the box would stay below the dew point for tau ln(40 / 8.61) = 44.8 minutes, with it for 26."""
-    assert td.moisture(BOX, TRANSFER, {"air": 0.6})["skin"].condensing < 0.65 * 60 * 44.8
+    assert td.site.moisture(BOX, TRANSFER, {"air": 0.6})["skin"].condensing < 0.65 * 60 * 44.8
     dry = td.simulate(BOX, TRANSFER, every=60.0)
     above = dry["case"].kelvin > float(dew_point(vapour_pressure(303.15, 0.6)))
     assert dry.times[above.argmax()] / 60 == pytest.approx(44.8, abs=1.0)
@@ -101,7 +101,7 @@ def test_latent_heat_matters() -> None:
 def test_nothing_settles_on_a_warm_box() -> None:
     """A box above the dew point stays dry, and its temperatures are those of the run without moisture, bit for bit."""
     warm = TRANSFER.with_(start="25 [degC]")
-    found = td.moisture(BOX, warm, {"air": 0.5})
+    found = td.site.moisture(BOX, warm, {"air": 0.5})
     assert found["skin"].film.max() == found["skin"].wet == found["skin"].condensing == 0.0
     assert found["skin"].latent.max() == 0.0
     assert (found["skin"].margin > 0.0).all()
@@ -113,7 +113,7 @@ def test_air_that_becomes_humid() -> None:
     rising = {"times": ["0 [h]", "1 [h]"], "values": ["0.2", "1.0"]}
     settled = TRANSFER.with_(start="20 [degC]", duration="1 [h]", boundaries={"air": "20 [degC]"})
     box = BOX.with_values({"skin.htc": "1e-9 [W/(m^2 K)]"})
-    found = td.moisture(box, settled, {"air": rising})
+    found = td.site.moisture(box, settled, {"air": rising})
     assert found["skin"].margin[-1] == pytest.approx(0.0, abs=1e-3)
     assert found["skin"].margin[0] == pytest.approx(293.15 - float(dew_point(vapour_pressure(293.15, 0.2))), abs=1e-6)
 
@@ -134,8 +134,8 @@ COOLING = td.Scenario("cooling", boundaries={"air": "5 [degC]"}, start="30 [degC
 
 def test_a_sealed_volume_keeps_its_water() -> None:
     """What leaves the gas lies on the wall, to 1e-6 of it, and the gas ends saturated at the wall."""
-    volume = td.Volume("2 [l]", humidity=0.7)
-    found = td.moisture(CASE, COOLING, {}, {"inside": volume})
+    volume = td.site.Volume("2 [l]", humidity=0.7)
+    found = td.site.moisture(CASE, COOLING, {}, {"inside": volume})
     gas = vapour_density(saturation_pressure(found.dew_points["inside"], "surface"), found.solution["inside"].kelvin)
     whole = 2e-3 * gas + 0.05 * found["inner"].film
     assert whole == pytest.approx(np.full(whole.size, whole[0]), rel=1e-6)
@@ -146,8 +146,8 @@ def test_a_sealed_volume_keeps_its_water() -> None:
 def test_a_vented_volume_follows_the_outside() -> None:
     """Its vapour goes to that of the outside with the time constant of its exchange."""
     dry = COOLING.with_(boundaries={"air": "30 [degC]"}, duration="1 [h]")
-    vented = td.Volume("2 [l]", exchange="0.001 [l/s]", to="air", humidity=0.2)
-    found = td.moisture(CASE, dry, {"air": 0.6}, {"inside": vented}, every=10.0)
+    vented = td.site.Volume("2 [l]", exchange="0.001 [l/s]", to="air", humidity=0.2)
+    found = td.site.moisture(CASE, dry, {"air": 0.6}, {"inside": vented}, every=10.0)
     inside = saturation_pressure(found.dew_points["inside"])
     full = saturation_pressure(303.15)
     wanted = full * (0.6 - 0.4 * np.exp(-found.solution.times / 2000.0))
@@ -160,7 +160,7 @@ def test_no_vapour_in_vacuum() -> None:
     space = td.model_from_dict(
         {"title": "box", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}}
     )
-    found = td.moisture(space, TRANSFER.vacuum().with_(start="20 [degC]"), {"air": 0.9})
+    found = td.site.moisture(space, TRANSFER.vacuum().with_(start="20 [degC]"), {"air": 0.9})
     assert found.dew_points["air"] == pytest.approx(0.0)
     assert found["skin"].film.max() == 0.0
     assert "no vapour, so no condensation" in str(found)
@@ -183,10 +183,10 @@ def test_no_vapour_in_vacuum() -> None:
 def test_faults(humidity: dict[str, Any], volumes: dict[str, dict[str, Any]], message: str) -> None:
     """What is wrong and what to do."""
     with pytest.raises(td.ThermidError, match=message):
-        td.moisture(CASE, COOLING, humidity, {k: td.Volume(**v) for k, v in volumes.items()})
+        td.site.moisture(CASE, COOLING, humidity, {k: td.site.Volume(**v) for k, v in volumes.items()})
 
 
 def test_an_unknown_surface() -> None:
     """The nearest one is named."""
     with pytest.raises(td.ThermidError, match=r"no surface 'skim' exchanges with a gas of known humidity. Did you mean 'skin'"):
-        td.moisture(BOX, TRANSFER.with_(duration="1 [min]"), {"air": 0.5})["skim"]
+        td.site.moisture(BOX, TRANSFER.with_(duration="1 [min]"), {"air": 0.5})["skim"]

@@ -31,13 +31,13 @@ WARM = td.Scenario("warm", boundaries={"air": "30 [degC]"}, start="30 [degC]", d
 LITRES = 2e-3
 
 
-def vapour(found: td.Moisture, gas: str) -> np.ndarray:
+def vapour(found: td.site.Moisture, gas: str) -> np.ndarray:
     """Vapour of a gas by its dew point (times,). [kg/m^3]"""
     kelvin = found.solution[gas].kelvin
     return np.asarray(saturation_pressure(found.dew_points[gas], "surface") / (461.523 * kelvin))
 
 
-def whole(found: td.Moisture, gases: str = "ab") -> np.ndarray:
+def whole(found: td.site.Moisture, gases: str = "ab") -> np.ndarray:
     """Water in volumes and on surfaces (times,). [kg]"""
     return np.asarray(sum(LITRES * vapour(found, g) for g in gases) + sum(0.05 * s.film for s in found.surfaces.values()))
 
@@ -46,10 +46,10 @@ def whole(found: td.Moisture, gases: str = "ab") -> np.ndarray:
 def test_two_volumes_that_exchange_keep_their_water(written: str) -> None:
     """What one loses the other gains, at once, whether both write the exchange or one: (a - b) falls with 2 E / V."""
     volumes = {
-        "a": td.Volume("2 [l]", exchange="0.1 [l/min]", to="b", humidity=0.9),
-        "b": td.Volume("2 [l]", **({"exchange": "0.1 [l/min]", "to": "a"} if written == "both" else {}), humidity=0.1),
+        "a": td.site.Volume("2 [l]", exchange="0.1 [l/min]", to="b", humidity=0.9),
+        "b": td.site.Volume("2 [l]", **({"exchange": "0.1 [l/min]", "to": "a"} if written == "both" else {}), humidity=0.1),
     }
-    found = td.moisture(PAIR, WARM, {}, volumes)
+    found = td.site.moisture(PAIR, WARM, {}, volumes)
     assert whole(found) == pytest.approx(np.full(found.solution.times.size, whole(found)[0]), rel=1e-9)
     apart = vapour(found, "a") - vapour(found, "b")
     wanted = apart[0] * np.exp(-2.0 * 0.1e-3 / 60.0 / LITRES * found.solution.times)
@@ -58,20 +58,23 @@ def test_two_volumes_that_exchange_keep_their_water(written: str) -> None:
 
 
 def test_one_exchange_with_two_sizes_is_refused() -> None:
-    volumes = {"a": td.Volume("2 [l]", exchange="0.1 [l/s]", to="b"), "b": td.Volume("2 [l]", exchange="0.2 [l/s]", to="a")}
+    volumes = {"a": td.site.Volume("2 [l]", exchange="0.1 [l/s]", to="b"), "b": td.site.Volume("2 [l]", exchange="0.2 [l/s]", to="a")}
     with pytest.raises(td.ThermidError, match=r"Both must be equal\. Give it once, or the same at both\."):
-        td.moisture(PAIR, WARM, {}, volumes)
+        td.site.moisture(PAIR, WARM, {}, volumes)
 
 
 def test_a_volume_that_exchanges_with_itself_is_refused() -> None:
     with pytest.raises(td.ThermidError, match="'a' exchanges gas with itself"):
-        td.moisture(PAIR, WARM, {}, {"a": td.Volume("2 [l]", exchange="0.1 [l/s]", to="a")})
+        td.site.moisture(PAIR, WARM, {}, {"a": td.site.Volume("2 [l]", exchange="0.1 [l/s]", to="a")})
 
 
 def test_water_that_crosses_into_the_open_is_counted() -> None:
     """A vented volume that dries out: what left by exchange is what is missing inside."""
-    volumes = {"a": td.Volume("2 [l]", exchange="0.1 [l/min]", to="b", humidity=0.9), "b": td.Volume("2 [l]", "0.1 [l/min]", "air", 0.6)}
-    found = td.moisture(PAIR, WARM.with_(boundaries={"air": "30 [degC]"}, duration="6 [h]"), {"air": 0.1}, volumes)
+    volumes = {
+        "a": td.site.Volume("2 [l]", exchange="0.1 [l/min]", to="b", humidity=0.9),
+        "b": td.site.Volume("2 [l]", "0.1 [l/min]", "air", 0.6),
+    }
+    found = td.site.moisture(PAIR, WARM.with_(boundaries={"air": "30 [degC]"}, duration="6 [h]"), {"air": 0.1}, volumes)
     before, after = whole(found)[[0, -1]]
     assert found.water.exchanged == pytest.approx(after - before, rel=1e-6)
     assert found.water.exchanged < -0.5 * before
@@ -82,7 +85,7 @@ def test_water_that_crosses_into_the_open_is_counted() -> None:
 def test_a_balance_that_does_not_close_stands_first() -> None:
     """Where water is missing, the first lines of the result give the amount."""
     scenario = WARM.with_(start="10 [degC]")
-    found = td.moisture(PAIR, scenario, {"air": 0.8})
+    found = td.site.moisture(PAIR, scenario, {"air": 0.8})
     flat = found.solution._run.network.flat
     parts = [c for c in flat.conductors if c.path == "outer"]
     followed = follow(found.solution, parts, {"air": Constant(0.8)}, {})
@@ -93,7 +96,7 @@ def test_a_balance_that_does_not_close_stands_first() -> None:
 
 def test_an_isothermal_wall_takes_vapour() -> None:
     """The coefficient is that of the law, not a heat flow over a difference: a wall at its gas' temperature still takes vapour."""
-    cold = {"a": td.Volume("2 [l]", "10 [l/min]", "b", 0.9), "b": td.Volume("50 [m^3]", humidity=1.0)}
+    cold = {"a": td.site.Volume("2 [l]", "10 [l/min]", "b", 0.9), "b": td.site.Volume("50 [m^3]", humidity=1.0)}
     model = td.model_from_dict(
         {
             "title": "cold store beside a warm room",
@@ -113,12 +116,12 @@ def test_an_isothermal_wall_takes_vapour() -> None:
     scenario = td.Scenario(
         "s", boundaries={"cold": "10 [degC]", "warm": "30 [degC]"}, start="10 [degC]", initial={"b": "30 [degC]"}, duration="1 [h]"
     )
-    found = td.moisture(model, scenario, {}, cold)
+    found = td.site.moisture(model, scenario, {}, cold)
     assert found["in_a"].film[-1] > 0.05
     assert found.water.relative < 1e-9
 
 
-def random_case(seed: int) -> tuple[td.Model, td.Scenario, dict[str, td.Volume]]:
+def random_case(seed: int) -> tuple[td.Model, td.Scenario, dict[str, td.site.Volume]]:
     """Volumes with one or two walls each, that a warm and cold plate drives through the dew point and back, exchanging at random."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 5))
@@ -134,10 +137,10 @@ def random_case(seed: int) -> tuple[td.Model, td.Scenario, dict[str, td.Volume]]
             deck["surfaces"][f"s{k}{j}"] = {"of": wall, "to": gas, "area": f"{area:.4g} [m^2]", "htc": f"{htc:.4g} [W/(m^2 K)]"}
             conductance = f"{rng.uniform(0.3, 3.0):.4g} [W/K]"
             deck["conductors"][f"c{k}{j}"] = {"kind": "conduction", "between": [wall, "plate"], "conductance": conductance}
-        partners = ["", "air", *(g for g in gases if g != gas and volumes.get(g, td.Volume(1.0)).to != gas)]
+        partners = ["", "air", *(g for g in gases if g != gas and volumes.get(g, td.site.Volume(1.0)).to != gas)]
         to = partners[int(rng.integers(len(partners)))]
         exchange = f"{rng.uniform(0.05, 2.0):.4g} [l/min]" if to else 0.0
-        volumes[gas] = td.Volume(f"{rng.uniform(0.5, 10.0):.4g} [l]", exchange, to, float(rng.uniform(0.3, 0.95)))
+        volumes[gas] = td.site.Volume(f"{rng.uniform(0.5, 10.0):.4g} [l]", exchange, to, float(rng.uniform(0.3, 0.95)))
     plate = {
         "times": ["0 [min]", "3 [min]", "6 [min]", "12 [min]"],
         "values": [f"{t:.3g} [degC]" for t in (25.0, *rng.uniform(-5, 35, 2), 30.0)],
@@ -148,12 +151,14 @@ def random_case(seed: int) -> tuple[td.Model, td.Scenario, dict[str, td.Volume]]
         boundaries={"air": "25 [degC]", "plate": plate},
         start="25 [degC]",
         duration="12 [min]",
-        environment={"*": td.Environment(pressure=f"{pressure:.6g} [Pa]")},
+        environment={"*": td.network.Environment(pressure=f"{pressure:.6g} [Pa]")},
     )
     return td.model_from_dict(deck), scenario, volumes
 
 
-def reference(found: td.Moisture, model: td.Model, scenario: td.Scenario, volumes: dict[str, td.Volume], humidity: float) -> np.ndarray:
+def reference(
+    found: td.site.Moisture, model: td.Model, scenario: td.Scenario, volumes: dict[str, td.site.Volume], humidity: float
+) -> np.ndarray:
     """Vapour of the volumes and films at the end, by an implicit integrator with error control over one smooth system.
 
     Temperatures are those of the run. Drying stops over the last 1e-8 kg/m^2 of a film, in place of an event.
@@ -199,7 +204,7 @@ def agrees(seed: int) -> None:
     """Vapour and films at the end to 2e-4 of what there is, water to 1e-9."""
     model, scenario, volumes = random_case(seed)
     open_air = {"air": 0.6} if any(v.to == "air" for v in volumes.values()) else {}
-    found = td.moisture(model, scenario, open_air, volumes, every="60 [s]")
+    found = td.site.moisture(model, scenario, open_air, volumes, every="60 [s]")
     assert found.water.relative < 1e-9, seed
     wanted = reference(found, model, scenario, volumes, 0.6)
     gases = len(volumes)

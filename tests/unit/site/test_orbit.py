@@ -21,7 +21,7 @@ GLOW = 0.6 * STEFAN_BOLTZMANN * 288.0**4
 
 
 def orbit(altitude: str = "400 [km]", **more: Any) -> OrbitFluxes:
-    return td.orbit_fluxes(altitude, **({"albedo": 0.3, "infrared": 237.0} | more))
+    return td.site.orbit_fluxes(altitude, **({"albedo": 0.3, "infrared": 237.0} | more))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from thermid.site.pad import wind_htc
 
 pytest.importorskip("pvlib")
 
-SITE = td.Site(-2.373, -44.396, "40 [m]", -3.0, "equator")
+SITE = td.site.Site(-2.373, -44.396, "40 [m]", -3.0, "equator")
 WEATHER = """time,dry_bulb [degC],humidity [%],wind [m/s],direct_normal [W/m^2],diffuse [W/m^2],infrared [W/m^2],rain [mm/h]
 2026-03-21 06:00,25,85,0,0,0,400,0
 2026-03-21 09:00,28,75,3,600,120,405,0
@@ -40,15 +40,15 @@ def skin(**surface: Any) -> td.Model:
 
 
 @pytest.fixture
-def weather(tmp_path: Path) -> td.Weather:
+def weather(tmp_path: Path) -> td.site.Weather:
     path = tmp_path / "weather.csv"
     path.write_text(WEATHER, encoding="ascii")
-    return td.read_weather(path)
+    return td.site.read_weather(path)
 
 
 def test_the_sun_of_a_published_example() -> None:
     """Reda and Andreas, Solar Energy 76 (2004) 577, worked example: Golden, 17 October 2003, 12:30:30: 50.11162 and 194.34024 degrees."""
-    golden = td.Site(39.742476, -105.1786, 1830.14, -7.0)
+    golden = td.site.Site(39.742476, -105.1786, 1830.14, -7.0)
     sun = golden.sun("2003-10-17 12:30:30", 0.0)
     assert float(sun.zenith[0]) == pytest.approx(50.11162, abs=1e-3)
     assert float(sun.azimuth[0]) == pytest.approx(194.34024, abs=1e-3)
@@ -68,17 +68,17 @@ def test_a_clear_sky_gives_less_than_the_sun_and_more_than_nothing() -> None:
     assert clear["global"][0] == pytest.approx(clear["direct_normal"][0] * up + clear["diffuse"][0], rel=1e-3)
 
 
-def test_a_roof_at_noon_by_hand(weather: td.Weather) -> None:
+def test_a_roof_at_noon_by_hand(weather: td.site.Weather) -> None:
     """At 12:00 the sun stands 3 degrees from the zenith: 0.3 * 2 m^2 * (800 cos + 150); the sky sends 410 less sigma T_air^4."""
-    made = td.pad_scenario(SITE, weather, duration="12 [h]")
+    made = td.site.pad_scenario(SITE, weather, duration="12 [h]")
     run = td.simulate(skin(facing={"tilt": 0}), made, times=[6 * 3600.0])
     up = np.cos(np.radians(SITE.sun("2026-03-21 12:00", 0.0).zenith[0]))
     assert run.load_powers["face.sun"][0] == pytest.approx(0.3 * 2.0 * (800.0 * up + 150.0), rel=1e-4)
     assert run.load_powers["face.longwave"][0] == pytest.approx(0.9 * 2.0 * (410.0 - STEFAN_BOLTZMANN * 304.15**4), rel=1e-6)
 
 
-def test_the_air_follows_the_weather_and_heat_balances(weather: td.Weather) -> None:
-    run = td.simulate(skin(), td.pad_scenario(SITE, weather))
+def test_the_air_follows_the_weather_and_heat_balances(weather: td.site.Weather) -> None:
+    run = td.simulate(skin(), td.site.pad_scenario(SITE, weather))
     assert run["ambient"].at(6 * 3600.0) == pytest.approx(31.0, abs=1e-6)
     assert run.heat_balance().relative < 1e-6
     # a skin all around, white: warmer than the air by day, colder at night
@@ -86,46 +86,46 @@ def test_the_air_follows_the_weather_and_heat_balances(weather: td.Weather) -> N
     assert run["skin"].at(20 * 3600.0) < run["ambient"].at(20 * 3600.0) - 1.0
 
 
-def test_a_wall_to_the_west_is_warmest_in_the_afternoon(weather: td.Weather) -> None:
-    west = td.simulate(skin(facing={"tilt": 90, "azimuth": 270}), td.pad_scenario(SITE, weather, duration="12 [h]"))
-    east = td.simulate(skin(facing={"tilt": 90, "azimuth": 90}), td.pad_scenario(SITE, weather, duration="12 [h]"))
+def test_a_wall_to_the_west_is_warmest_in_the_afternoon(weather: td.site.Weather) -> None:
+    west = td.simulate(skin(facing={"tilt": 90, "azimuth": 270}), td.site.pad_scenario(SITE, weather, duration="12 [h]"))
+    east = td.simulate(skin(facing={"tilt": 90, "azimuth": 90}), td.site.pad_scenario(SITE, weather, duration="12 [h]"))
     assert west.times[west["skin"].celsius.argmax()] > east.times[east["skin"].celsius.argmax()] + 3 * 3600.0
 
 
 def test_without_weather_the_sky_is_clear_and_the_air_is_given() -> None:
-    clear = td.pad_scenario(SITE, begin="2026-03-21 06:00", duration="6 [h]", air_temperature="30 [degC]", sky=False)
+    clear = td.site.pad_scenario(SITE, begin="2026-03-21 06:00", duration="6 [h]", air_temperature="30 [degC]", sky=False)
     run = td.simulate(skin(), clear)
     assert run["ambient"].final == pytest.approx(30.0)
     assert run["skin"].highest > 32.0
     assert set(run.load_powers) == {"face.sun"}
 
 
-def test_a_boundary_may_be_the_sky(weather: td.Weather) -> None:
+def test_a_boundary_may_be_the_sky(weather: td.site.Weather) -> None:
     deck = {"title": "skin", "needs": ["ambient", "above"], "nodes": {"skin": {"capacitance": "9 [kJ/K]"}}}
     face = {"of": "skin", "to": "ambient", "area": "2 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.9, "radiates_to": "above"}
     roof = td.model_from_dict(deck | {"surfaces": {"face": face | {"absorptance": 0.3, "facing": {"tilt": 0}}}})
-    apart = td.simulate(roof, td.pad_scenario(SITE, weather, sky={"above": 0}, start="25 [degC]"))
-    joined = td.simulate(skin(facing={"tilt": 0}), td.pad_scenario(SITE, weather, start="25 [degC]"))
+    apart = td.simulate(roof, td.site.pad_scenario(SITE, weather, sky={"above": 0}, start="25 [degC]"))
+    joined = td.simulate(skin(facing={"tilt": 0}), td.site.pad_scenario(SITE, weather, start="25 [degC]"))
     assert apart["above"].at(0.0) == pytest.approx((400.0 / STEFAN_BOLTZMANN) ** 0.25 - 273.15)
-    wall = td.pad_scenario(SITE, weather, sky={"above": 90}).boundaries["above"]
+    wall = td.site.pad_scenario(SITE, weather, sky={"above": 90}).boundaries["above"]
     assert wall.at(np.zeros(1))[0] == pytest.approx((200.0 / STEFAN_BOLTZMANN + 0.5 * 298.15**4) ** 0.25)
     # the tables between hours bend differently, in temperature and in its fourth power
     assert np.abs(apart["skin"].kelvin - joined["skin"].kelvin).max() < 0.02
 
 
-def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.Weather, tmp_path: Path) -> None:
+def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.site.Weather, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"when the sun stands \d+ degrees below the horizon\. Check the time zone"):
-        td.pad_scenario(td.Site(-2.373, -44.396, timezone=9.0), weather)
+        td.site.pad_scenario(td.site.Site(-2.373, -44.396, timezone=9.0), weather)
     path = tmp_path / "early.csv"
     path.write_text("time,dry_bulb,humidity,global\n2026-03-21 06:00,25,80,0\n2026-03-21 09:00,28,70,400\n2026-03-21 12:00,30,65,900\n")
     with pytest.raises(ScenarioError, match=r"global is 400 W/m.2 3 h after .*, when the sun stands 1 degrees below the horizon"):
-        td.pad_scenario(td.Site(-2.373, -44.396, timezone=0.0), td.read_weather(path))
+        td.site.pad_scenario(td.site.Site(-2.373, -44.396, timezone=0.0), td.site.read_weather(path))
 
 
-def test_a_zone_is_never_guessed(weather: td.Weather) -> None:
-    nowhere = td.Site(-2.373, -44.396)
+def test_a_zone_is_never_guessed(weather: td.site.Weather) -> None:
+    nowhere = td.site.Site(-2.373, -44.396)
     with pytest.raises(ScenarioError, match=r"the time zone is missing\."):
-        td.pad_scenario(nowhere, weather)
+        td.site.pad_scenario(nowhere, weather)
     same = nowhere.sun("2026-03-21 12:00-03:00", 0.0)
     assert same.zenith[0] == pytest.approx(SITE.sun("2026-03-21 12:00", 0.0).zenith[0], abs=1e-3)
 
@@ -134,25 +134,26 @@ def test_only_global_is_taken_apart(tmp_path: Path) -> None:
     """Beam and diffuse of Erbs, Klein and Duffie (1982); on the horizontal they make up the global."""
     path = tmp_path / "w.csv"
     path.write_text("time,dry_bulb,humidity,global\n2026-03-21 12:00,30,70,700\n2026-03-21 13:00,30,70,700\n", encoding="ascii")
-    run = td.simulate(skin(facing={"tilt": 0}), td.pad_scenario(SITE, td.read_weather(path)))
+    run = td.simulate(skin(facing={"tilt": 0}), td.site.pad_scenario(SITE, td.site.read_weather(path)))
     assert run.load_powers["face.sun"] == pytest.approx(0.3 * 2.0 * 700.0 * np.ones(301), rel=2e-3)
 
 
-def test_wind_and_rain_make_coefficients(weather: td.Weather) -> None:
+def test_wind_and_rain_make_coefficients(weather: td.site.Weather) -> None:
     wind = {"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]", "rain": "roof"}}
-    made = td.pad_scenario(SITE, weather, wind=wind)
+    made = td.site.pad_scenario(SITE, weather, wind=wind)
     values = made.schedule["face.htc"].at(weather["wind"].times)
     assert values[0] == pytest.approx(4.0)
     forced = float(wind_htc(6.0, 2.0, 304.15, SITE.pressure))
     assert values[2] == pytest.approx((forced**3 + 4.0**3) ** (1 / 3), rel=1e-6)
     assert values[3] - values[2] == pytest.approx(20 / 3.6e6 * 4.186e6, rel=0.01)
     assert (
-        td.simulate(skin(), made)["skin"].highest < td.simulate(skin(htc="4 [W/(m^2 K)]"), td.pad_scenario(SITE, weather))["skin"].highest
+        td.simulate(skin(), made)["skin"].highest
+        < td.simulate(skin(htc="4 [W/(m^2 K)]"), td.site.pad_scenario(SITE, weather))["skin"].highest
     )
 
 
-def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_named(weather: td.Weather) -> None:
-    made = td.pad_scenario(SITE, weather)
+def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_named(weather: td.site.Weather) -> None:
+    made = td.site.pad_scenario(SITE, weather)
     fixed, follows = td.simulate(skin(), made), td.simulate(skin(htc={"length": "2 [m]"}), made)
     assert any("the wind in 'ambient' has no effect on 'face'" in w for w in fixed.warnings)
     assert not any("has no effect on" in w for w in follows.warnings)
@@ -161,7 +162,7 @@ def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_name
     # forced and natural together at 6 m/s
     forced = float(wind_htc(6.0, 2.0, 304.15, SITE.pressure))
     assert 0.97 * forced < htc < 1.3 * forced
-    scheduled = td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}})
+    scheduled = td.site.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}})
     assert not any("has no effect on" in w for w in td.simulate(skin(), scheduled).warnings)
 
 
@@ -172,19 +173,21 @@ def test_wind_along_a_plate_as_in_a_textbook() -> None:
     )
 
 
-def test_dew_settles_on_a_roof_under_a_clear_night(weather: td.Weather) -> None:
+def test_dew_settles_on_a_roof_under_a_clear_night(weather: td.site.Weather) -> None:
     """Long hours of dew, where vapour gives the roof more heat than air does, find their balance with its temperature."""
     roof = skin(facing={"tilt": 0})
-    damp = td.moisture(roof, td.pad_scenario(SITE, weather, begin="03-21 18:00", duration="10 [h]"), {"ambient": 0.9}, every="5 [min]")
+    damp = td.site.moisture(
+        roof, td.site.pad_scenario(SITE, weather, begin="03-21 18:00", duration="10 [h]"), {"ambient": 0.9}, every="5 [min]"
+    )
     front = damp["face"]
     assert front.margin.min() < -0.1
     assert front.film.max() > 0.0
     # the roof cannot be colder than it would be dry
-    dry = td.simulate(roof, td.pad_scenario(SITE, weather, begin="03-21 18:00", duration="10 [h]"), every="5 [min]")
+    dry = td.simulate(roof, td.site.pad_scenario(SITE, weather, begin="03-21 18:00", duration="10 [h]"), every="5 [min]")
     assert (damp.solution["skin"].kelvin > dry["skin"].kelvin - 1e-3).all()
 
 
-def test_a_scenario_file_says_the_same(tmp_path: Path, weather: td.Weather) -> None:
+def test_a_scenario_file_says_the_same(tmp_path: Path, weather: td.site.Weather) -> None:
     (tmp_path / "pad.toml").write_text(
         """
 title = "pad"
@@ -206,7 +209,7 @@ calm = "4 [W/(m^2 K)]"
         encoding="utf-8",
     )
     wind = {"face.htc": {"length": "2 [m]", "calm": "4 [W/(m^2 K)]"}}
-    by_hand = td.pad_scenario(SITE, weather, duration="12 [h]", albedo=0.3, wind=wind, start="24 [degC]")
+    by_hand = td.site.pad_scenario(SITE, weather, duration="12 [h]", albedo=0.3, wind=wind, start="24 [degC]")
     one, other = (td.simulate(skin(), s)["skin"].kelvin for s in (td.load_scenario(tmp_path / "pad.toml"), by_hand))
     assert np.abs(one - other).max() < 1e-9
 
@@ -222,7 +225,7 @@ calm = "4 [W/(m^2 K)]"
         ("[weather]\nfile = 'weather.csv'\n", "where is it\\? Give a Site"),
     ],
 )
-def test_mistakes_in_a_file_are_named(tmp_path: Path, weather: td.Weather, text: str, words: str) -> None:
+def test_mistakes_in_a_file_are_named(tmp_path: Path, weather: td.site.Weather, text: str, words: str) -> None:
     (tmp_path / "pad.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError, match=words):
         td.load_scenario(tmp_path / "pad.toml")
@@ -246,33 +249,35 @@ def test_radiation_on_a_plane_comes_from_a_file_too(tmp_path: Path) -> None:
         ({"emissivity": None}, "has no emissivity"),
     ],
 )
-def test_a_surface_outdoors_says_what_it_needs(weather: td.Weather, surface: dict[str, Any], words: str) -> None:
+def test_a_surface_outdoors_says_what_it_needs(weather: td.site.Weather, surface: dict[str, Any], words: str) -> None:
     with pytest.raises(DeckError, match=words):
-        td.simulate(skin(**surface), td.pad_scenario(SITE, weather))
+        td.simulate(skin(**surface), td.site.pad_scenario(SITE, weather))
 
 
-def test_what_the_pad_needs_is_asked_for(weather: td.Weather) -> None:
-    bare = td.Weather("w", weather.begin, {"dry_bulb": weather["dry_bulb"]}, {})
+def test_what_the_pad_needs_is_asked_for(weather: td.site.Weather) -> None:
+    bare = td.site.Weather("w", weather.begin, {"dry_bulb": weather["dry_bulb"]}, {})
     with pytest.raises(ScenarioError, match="the sky temperature needs infrared, dew_point"):
-        td.pad_scenario(SITE, bare)
+        td.site.pad_scenario(SITE, bare)
     with pytest.raises(ScenarioError, match="no global radiation"):
-        td.pad_scenario(SITE, bare, sky=False)
+        td.site.pad_scenario(SITE, bare, sky=False)
     with pytest.raises(ScenarioError, match="the temperature of the air '"):
-        td.pad_scenario(SITE, begin="2026-03-21 06:00", duration="1 [h]")
+        td.site.pad_scenario(SITE, begin="2026-03-21 06:00", duration="1 [h]")
     with pytest.raises(ScenarioError, match=r"'noon' is not a date and time\."):
-        td.pad_scenario(SITE, begin="noon", duration="1 [h]", air_temperature="20 [degC]", sky=False)
+        td.site.pad_scenario(SITE, begin="noon", duration="1 [h]", air_temperature="20 [degC]", sky=False)
     with pytest.raises(ScenarioError, match="length and calm"):
-        td.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]"}})
+        td.site.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]"}})
     with pytest.raises(ScenarioError, match="the albedo is 20"):
-        td.pad_scenario(SITE, weather, albedo=20)
+        td.site.pad_scenario(SITE, weather, albedo=20)
     with pytest.raises(RecordError, match="it covers"):
-        td.pad_scenario(SITE, weather, begin="2027-01-01 00:00")
-    lonely = td.pad_scenario(SITE, weather, air="room")
+        td.site.pad_scenario(SITE, weather, begin="2027-01-01 00:00")
+    lonely = td.site.pad_scenario(SITE, weather, air="room")
     with pytest.raises((ScenarioError, td.ThermidError), match="room"):
         td.simulate(skin(), lonely)
 
 
-def test_the_command_line_takes_the_file(tmp_path: Path, weather: td.Weather, capsys: pytest.CaptureFixture[str], monkeypatch: Any) -> None:
+def test_the_command_line_takes_the_file(
+    tmp_path: Path, weather: td.site.Weather, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
     from thermid.cli import main
 
     shutil.copy(tmp_path / "weather.csv", tmp_path / "w.csv")

@@ -17,7 +17,7 @@ from .weather_cases import DRY, SUN, epw, table, tmy3
 @pytest.mark.parametrize("write", [epw, tmy3])
 def test_epw_and_tmy3_say_the_same(tmp_path: Path, write) -> None:  # type: ignore[no-untyped-def]
     pytest.importorskip("pvlib")
-    weather = td.read_weather(write(tmp_path / ("w.epw" if write is epw else "w.csv")))
+    weather = td.site.read_weather(write(tmp_path / ("w.epw" if write is epw else "w.csv")))
     assert weather["dry_bulb"].values == pytest.approx(DRY + 273.15, abs=6e-3)
     assert weather["dry_bulb"].times[:2] == pytest.approx([0.0, 3600.0])
     assert weather.begin is not None
@@ -44,7 +44,7 @@ def test_an_epw_file_is_a_scenario_by_itself(tmp_path: Path) -> None:
     roof = td.model_from_dict(
         {"title": "roof", "needs": ["ambient"], "nodes": {"n": {"capacitance": "5 [kJ/K]"}}, "surfaces": {"face": face}}
     )
-    run = td.simulate(roof, td.pad_scenario(weather=td.read_weather(epw(tmp_path / "w.epw"))), every="5 [min]")
+    run = td.simulate(roof, td.site.pad_scenario(weather=td.site.read_weather(epw(tmp_path / "w.epw"))), every="5 [min]")
     sun = run.load_powers["face.sun"]
     noon = 1.0 + run.times[: 24 * 12][sun[: 24 * 12].argmax()] / 3600.0
     assert noon == pytest.approx(12.0, abs=0.6)
@@ -53,7 +53,7 @@ def test_an_epw_file_is_a_scenario_by_itself(tmp_path: Path) -> None:
 
 def test_months_of_several_years_become_one_and_it_is_said(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
-    weather = td.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)
+    weather = td.site.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)
     assert weather.begin is not None
     assert weather.begin.year == 2026
     assert "a typical year, dated 2026" in weather.notes
@@ -66,10 +66,10 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
         pytest.importorskip("pvlib")
     path = write(tmp_path / name, missing=(10, 11, 12))
     with pytest.raises(RecordError, match=r"dry_bulb has a gap of 4 h from \.\*: give max_gap"):
-        td.read_weather(path)
+        td.site.read_weather(path)
     with pytest.raises(RecordError, match="it is longer than max_gap"):
-        td.read_weather(path, max_gap="3 [h]")
-    filled = td.read_weather(path, max_gap="4 [h]")
+        td.site.read_weather(path, max_gap="3 [h]")
+    filled = td.site.read_weather(path, max_gap="4 [h]")
     assert len(filled.filled) == 1
     assert "bridged by a straight line" in str(filled)
     at = filled["dry_bulb"]
@@ -80,23 +80,23 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
 def test_a_line_that_is_left_out_is_a_hole(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
     with pytest.raises(RecordError, match="dry_bulb has a gap of 3 h from 2026-01-01"):
-        td.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
+        td.site.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
 
 
 def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="at an end of the file"):
-        td.read_weather(table(tmp_path / "t.csv", missing=(47, 48)), max_gap="9 [h]")
+        td.site.read_weather(table(tmp_path / "t.csv", missing=(47, 48)), max_gap="9 [h]")
 
 
 def test_humidity_above_100_is_refused_with_its_time(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"humidity is 104 % at 2026-03-21 20:00, outside 0 \.\."):
-        td.read_weather(table(tmp_path / "t.csv", humidity=104.0))
+        td.site.read_weather(table(tmp_path / "t.csv", humidity=104.0))
 
 
 def test_a_table_by_its_own_names_and_units(tmp_path: Path) -> None:
     path = tmp_path / "station.csv"
     path.write_text("t [h];T_OUT [degF];RH;v [km/h]\n0;77,0;80;36,0\n1;86,0;70;18,0\n", encoding="utf-8")
-    weather = td.read_weather(path, {"dry_bulb": "T_OUT", "humidity": "RH", "wind": "v"}, begin="2026-03-21 06:00-03:00", time="t")
+    weather = td.site.read_weather(path, {"dry_bulb": "T_OUT", "humidity": "RH", "wind": "v"}, begin="2026-03-21 06:00-03:00", time="t")
     assert weather["dry_bulb"].values == pytest.approx([298.15, 303.15])
     assert weather["humidity"].values == pytest.approx([0.8, 0.7])
     assert weather["wind"].values == pytest.approx([10.0, 5.0])
@@ -108,11 +108,11 @@ def test_packed_tables_and_night_readings(tmp_path: Path) -> None:
     path = tmp_path / "w.csv.gz"
     with gzip.open(path, "wt") as file:
         file.write("time_s,global [W/m^2],dry_bulb [K]\n0,-3.2,300\n600,0,300\n1200,5,300\n")
-    assert td.read_weather(path)["global"].values.min() == 0.0
+    assert td.site.read_weather(path)["global"].values.min() == 0.0
 
 
 def test_a_window_starts_at_zero_and_stays_inside(tmp_path: Path) -> None:
-    weather = td.read_weather(table(tmp_path / "t.csv"))
+    weather = td.site.read_weather(table(tmp_path / "t.csv"))
     part = weather.window("03-21 06:30", "2 [h]")
     assert part["dry_bulb"].times == pytest.approx([0.0, 1800.0, 5400.0, 7200.0])
     assert part.begin is not None
@@ -141,19 +141,19 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, words: str, error: ty
     path = tmp_path / "bad.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(error, match=words):
-        td.read_weather(path)
+        td.site.read_weather(path)
 
 
 def test_a_missing_file_and_a_wrong_name_are_said(tmp_path: Path) -> None:
     with pytest.raises(MissingDataError, match=r"no file 'w\.epw'"):
-        td.read_weather(tmp_path / "w.epw")
+        td.site.read_weather(tmp_path / "w.epw")
     path = table(tmp_path / "t.csv")
     with pytest.raises(NameNotFoundError, match=r"no quantity 'dry_blub'\. Did you mean 'dry_bulb'"):
-        td.read_weather(path, {"dry_blub": "dry_bulb"})
+        td.site.read_weather(path, {"dry_blub": "dry_bulb"})
     with pytest.raises(NameNotFoundError, match="no column 'T'"):
-        td.read_weather(path, {"dry_bulb": "T"})
+        td.site.read_weather(path, {"dry_bulb": "T"})
     with pytest.raises(NameNotFoundError, match=r"no 'winds'\."):
-        td.read_weather(path)["winds"]
+        td.site.read_weather(path)["winds"]
 
 
 def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
@@ -161,4 +161,4 @@ def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "w.epw"
     path.write_text("LOCATION,nowhere\n", encoding="ascii")
     with pytest.raises(RecordError, match="this is not a readable"):
-        td.read_weather(path)
+        td.site.read_weather(path)

@@ -30,12 +30,12 @@ def log(hours=2.0, parts=((10.0, 1200.0), (5.0, 3000.0)), noise=0.05, seed=1, ro
 
 @pytest.mark.campaign
 def test_the_end_of_two_exponentials_lies_in_the_interval_as_often_as_stated():
-    inside = [f.final.low <= 320.0 <= f.final.high for f in (td.forecast(log(4.0, seed=s), within="5 [K]") for s in range(20))]
+    inside = [f.final.low <= 320.0 <= f.final.high for f in (td.bench.forecast(log(4.0, seed=s), within="5 [K]") for s in range(20))]
     assert sum(inside) >= 17
 
 
 def test_the_interval_of_the_end_narrows_with_time_and_is_then_given():
-    found = [td.forecast(log(h), within="1 [K]") for h in (1.5, 4.0, 8.0)]
+    found = [td.bench.forecast(log(h), within="1 [K]") for h in (1.5, 4.0, 8.0)]
     errors = [f.final.error for f in found]
     assert errors[0] > errors[1] > errors[2]
     assert found[0].declined
@@ -46,7 +46,7 @@ def test_the_interval_of_the_end_narrows_with_time_and_is_then_given():
 def test_a_hidden_slow_mass_is_declined_where_one_exponential_would_be_sure():
     """The unit seems to settle at 314.7 K; a mass behind a weak link takes 20 h to bring the rest, to 320 K."""
     hidden = log(3.0, parts=((10.0, 1200.0), (6.0, 20.0 * HOUR)), noise=0.1)
-    found = td.forecast(hidden)
+    found = td.bench.forecast(hidden)
     assert "cannot exclude a slow part" in found.declined
     assert found.final.low < 320.0 < found.final.high
     t, y = hidden.times[360:], hidden["T"].values[360:]
@@ -58,7 +58,7 @@ def test_a_hidden_slow_mass_is_declined_where_one_exponential_would_be_sure():
 
 
 def test_the_longest_time_constant_that_is_known_makes_it_safe():
-    without, given = td.forecast(log(2.5)), td.forecast(log(2.5), slowest="1 [h]")
+    without, given = td.bench.forecast(log(2.5)), td.bench.forecast(log(2.5), slowest="1 [h]")
     assert given.final.error < 0.5 * without.final.error
     assert given.final.low <= 320.0 <= given.final.high
 
@@ -69,7 +69,7 @@ def test_a_reference_that_drifts_is_followed():
     rng = np.random.default_rng(5)
     readings = {n: run[n].kelvin + 0.05 * rng.standard_normal(run.times.size) for n in ("core", "air")}
     record = td.Record.from_arrays("warm-up", run.times, readings)
-    alone, led = td.forecast(record, "core"), td.forecast(record, "core", reference="air")
+    alone, led = td.bench.forecast(record, "core"), td.bench.forecast(record, "core", reference="air")
     truth = td.steady(box(), td.Scenario("s", boundaries={"air": f"{led.reference} [K]"}))["core"]
     assert led.final.low <= truth <= led.final.high
     assert led.final.error < 0.5 * alone.final.error
@@ -95,29 +95,29 @@ def test_a_model_gives_the_time_constants():
     readings = run["core"].kelvin + 0.05 * np.random.default_rng(4).standard_normal(run.times.size)
     record = td.Record.from_arrays("warm-up", run.times, {"core": readings})
     truth = td.steady(box(), scenario)["core"]
-    alone, led = td.forecast(record), td.forecast(record, model=box(), scenario=scenario)
+    alone, led = td.bench.forecast(record), td.bench.forecast(record, model=box(), scenario=scenario)
     assert led.by_model
     assert led.final.error < 0.5 * alone.final.error
     assert led.final.low <= truth <= led.final.high
     with pytest.raises(ScenarioError, match="the time constants of a model"):
-        td.forecast(record, model=box())
+        td.bench.forecast(record, model=box())
 
 
 def test_when_a_rule_will_hold_and_what_that_saves():
-    found = td.forecast(log(1.2, parts=((15.0, 3000.0),), noise=0.02), within="10 [K]", slowest="1 [h]")
+    found = td.bench.forecast(log(1.2, parts=((15.0, 3000.0),), noise=0.02), within="10 [K]", slowest="1 [h]")
     when = 3000.0 * np.log(15.0 / 3000.0 / (3.0 / HOUR))
     assert found.holds == pytest.approx(when, rel=0.1)
     assert found.saved == pytest.approx(found.holds - found.now)
     assert found.holds_late >= found.holds
     assert "stopping now saves" in str(found)
-    assert ": met now" in str(td.forecast(log(6.0)))
+    assert ": met now" in str(td.bench.forecast(log(6.0)))
 
 
 def test_words_and_objects():
-    text = str(td.forecast(log(8.0)))
+    text = str(td.bench.forecast(log(8.0)))
     assert "5 of 100 such forecasts are wrong" in text
     assert "cannot be detected; it would" in text
-    assert td.forecast(log(1.5)).as_object()["final_C"] is None
+    assert td.bench.forecast(log(1.5)).as_object()["final_C"] is None
 
 
 @pytest.mark.parametrize(
@@ -133,14 +133,14 @@ def test_words_and_objects():
 )
 def test_mistakes_are_named(arguments, words):
     with pytest.raises(td.ThermidError, match=words):
-        td.forecast(log(), **arguments)
+        td.bench.forecast(log(), **arguments)
 
 
 def test_a_reading_in_the_past_and_a_record_of_several():
     with pytest.raises(RecordError, match="before the last reading"):
-        td.forecast(log(2.0)).reading("1 [h]")
+        td.bench.forecast(log(2.0)).reading("1 [h]")
     with pytest.raises(RecordError, match="name the channel: T, AIR"):
-        td.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
+        td.bench.forecast(log(2.0, room=lambda t: 297.0 + 0.0 * t))
 
 
 def steps(every: int = 1) -> list[Path]:
@@ -159,7 +159,7 @@ def forecasts(files: list[Path], until: float, at: float) -> tuple[np.ndarray, n
         for name in ("T1_C", "T2_C"):
             found = record[name]
             last = found.values[found.valid & (record.times <= at)][-1]
-            forecast = td.forecast(record, name, until=f"{until:g} [s]")
+            forecast = td.bench.forecast(record, name, until=f"{until:g} [s]")
             seen = [forecast.reading(at, level) for level in LEVELS]
             errors.append(last - seen[0].value)
             intervals.append([(s.low - s.value, s.high - s.value) for s in seen])

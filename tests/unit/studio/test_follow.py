@@ -52,7 +52,7 @@ def seen(told: dict[str, Any], name: str) -> dict[str, Any]:
 def test_it_says_what_the_library_says(log: Path) -> None:
     told = Follower(log.parent).look({"file": "run.csv", "rule": "3 C/h"})
     record = td.read_record(log, {n: {"node": n} for n in ("T_CASE", "T_LID")})
-    stable, end = td.stability(record, "3 C/h"), td.forecast(record, "T_CASE")
+    stable, end = td.bench.stability(record, "3 C/h"), td.bench.forecast(record, "T_CASE")
     assert told["verdict"]["word"] == stable.verdict
     assert told["slowest"] == stable.slowest
     case = seen(told, "T_CASE")

@@ -84,8 +84,8 @@ def ran(work: Work, key: str, asked: dict[str, Any], values: dict[str, float] | 
 def test_a_profile_runs_as_the_library_runs_it(work: Work) -> None:
     found = ran(work, KEY, CYCLE)
     model = td.load_model(work.shelf.folder / "unit.toml")
-    profile = td.profile_of("SMC-S-016", "unit thermal cycle", level="acceptance", predicted=("-5 [degC]", "45 [degC]"), cycles=1)
-    run = td.run_profile(model, profile, base="plate")
+    profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="acceptance", predicted=("-5 [degC]", "45 [degC]"), cycles=1)
+    run = td.qualify.run_profile(model, profile, base="plate")
     assert found["duration"] == run.duration
     assert found["waited"] == run.waited
     assert [p["name"] for p in found["phases"]] == [p.name for p in run.phases]
@@ -135,8 +135,8 @@ def test_a_profile_tells_how_far_it_is() -> None:
     said: list[tuple[int, int, float]] = []
     deck = {"title": "block", "needs": ["air"], "nodes": {"block": {"capacitance": "50 [J/K]"}}}
     deck["conductors"] = {"film": {"kind": "conduction", "between": ["block", "air"], "conductance": "2 [W/K]"}}
-    profile = td.profile_of("SMC-S-016", "unit thermal cycle", level="acceptance", cycles=1)
-    run = td.run_profile(td.model_from_dict(deck), profile, told=lambda *so_far: said.append(so_far))
+    profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="acceptance", cycles=1)
+    run = td.qualify.run_profile(td.model_from_dict(deck), profile, told=lambda *so_far: said.append(so_far))
     assert [k for k, _, _ in said] == list(range(1, len(profile.steps) + 1))
     assert said[-1][2] == run.duration
 
@@ -165,7 +165,7 @@ def test_every_profile_of_the_library_is_offered_and_described(work: Work) -> No
     desk = work._project.desk("unit")
     offered = shelf_object(work.shelf, desk)
     keys = {c["key"] for c in offered["courses"]}
-    for standard, profiles in td.profile_names().items():
+    for standard, profiles in td.qualify.profile_names().items():
         for name, levels in profiles.items():
             assert {f"{standard} {name}{f', {v}' if v else ''}" for v in levels or ("",)} <= keys
     for c in offered["courses"]:

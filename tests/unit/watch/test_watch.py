@@ -125,7 +125,7 @@ class TestModel:
     def test_suspects_are_values_of_the_deck(self) -> None:
         import thermid as td
 
-        found = {s.whose: s.kind for s in suspects_of(td.compile_network(rig()))}
+        found = {s.whose: s.kind for s in suspects_of(td.network.compile_network(rig()))}
         assert found == {"pad": "joint", "screws": "joint", "fins": "air", "lid_air": "air", "heater": "power"}
 
     def test_an_alarm_ends_advice_to_stop(self) -> None:

@@ -742,7 +742,7 @@ def _timed(channel: Channel, record: Record) -> None:
     if record.second is not None and channel.name in record.second.channels:
         raise RecordError(
             "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
-            "give the time. Join the logs the other way round; if both have such temperatures, find the clock with td.align first.",
+            "give the time. Join the logs the other way round; if both have such temperatures, call td.inference.align first.",
             f"{record.name}, {channel.name}",
         )
 

@@ -262,6 +262,8 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
             continue
         try:
             a, b = (_node_of(scope, owner, found[k]) for k in (2, 3))
+        except ThermidError:
+            raise
         except ValueError:
             raise DeckError(f"'{statement.text[:60]}' does not name two nodes.", str(statement.where)) from None
         if deck.inactive & {a, b}:

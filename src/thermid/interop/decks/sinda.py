@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import DeckError
+from thermid.errors import DeckError, ThermidError
 from thermid.interop.decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
 from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
@@ -251,6 +251,8 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.nodes.append(_tabulated_node(deck, submodel, line, kind, cells))
             else:
                 deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
+        except ThermidError:
+            raise
         except (ValueError, IndexError):
             raise DeckError(f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.", str(line.where)) from None
 
@@ -314,6 +316,8 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
             else:
                 deck.reading.remark(line.where, f"conductor option {kind}: '{line.text.strip()}'")
+        except ThermidError:
+            raise
         except (ValueError, IndexError):
             raise DeckError(f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where)) from None
 
@@ -405,6 +409,8 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         cells = fields(line)
         try:
             node, power = int(cells[0][0]), deck.reading.value(cells[1][0], cells[1][1])
+        except ThermidError:
+            raise
         except (ValueError, IndexError):
             deck.reading.remark(line.where, f"source '{line.text.strip()}'")
             continue

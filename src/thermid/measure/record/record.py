@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,18 +37,20 @@ from thermid.measure.record.channel import (
     stretch,
     with_sensor,
 )
-from thermid.measure.record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.measure.record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
+from thermid.results import PlottedTrace, Result, Row, optional
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
     from xarray import Dataset
 
 FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 
 
-class Record(Samples):
+class Record(Samples, Result):
     """Measured channels on one time axis.
 
     Parameters
@@ -81,6 +83,30 @@ class Record(Samples):
         sha = digest([("time", axis), *((key, each.values) for key, each in of.items())])
         origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
+
+    @classmethod
+    def from_dataframe(
+        cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
+    ) -> Record:
+        """Return a record of a pandas frame; its samples are taken as measured unless said otherwise.
+
+        Parameters
+        ----------
+        name : str          Its name.
+        frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
+        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
+                            ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
+        time : str          Column of the times, numbers in seconds or stamps; the index without it.
+        synthetic : bool    Whether a simulation made the samples.
+
+        Raises
+        ------
+        RecordError   When a column or key is unknown, a unit is missing, or times do not increase.
+        """
+        refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
+        axis = _seconds(frame.index if time is None else frame[time], name)
+        made = {column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()}
+        return cls.from_arrays(name, axis, made, synthetic=synthetic)
 
     def select(self, *names: str) -> Record:
         """Return the record with these channels only."""
@@ -492,6 +518,44 @@ class Record(Samples):
         """Return the samples that were masked of each channel, in words."""
         return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
 
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the valid samples of every temperature, else of every channel in its unit."""
+        chosen = [c for c in self.channels.values() if c.quantity == "temperature"] or list(self.channels.values())
+        shift = ICE if chosen and chosen[0].quantity == "temperature" else 0.0
+        return [PlottedTrace(c.name, self.times[c.valid], c.values[c.valid] - shift, measured=True) for c in chosen]
+
+    def _as_rows(self) -> list[Row]:
+        """Return every channel with its range."""
+        return [
+            {
+                "channel": c.name,
+                "quantity": c.quantity,
+                "role": c.role,
+                "target": c.target,
+                "lowest": float(c.values[c.valid].min()),
+                "highest": float(c.values[c.valid].max()),
+                "valid": int(c.valid.sum()),
+            }
+            for c in self.channels.values()
+            if c.valid.any()
+        ]
+
+    def to_frame(self) -> DataFrame:
+        """Return a record as a frame over `time_s`, a column a channel in the unit of its file, masked samples as NaN.
+
+        Raises
+        ------
+        MissingExtraError   When pandas is not installed.
+        """
+        pandas = optional("pandas", "to_frame")
+        columns = {c.name: from_si(np.where(c.valid, c.values, np.nan), c.unit) for c in self.channels.values()}
+        made: DataFrame = pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
+        return made
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the channels."""
+        return list(self.channels)
+
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
     """Return a channel whose samples take some places among more, with nothing between them."""
@@ -589,3 +653,50 @@ def _channel_line(channel: Channel) -> str:
     if channel.assumed:
         parts.append(f"no unit in the log, read in {channel.unit}")
     return "; ".join(parts)
+
+
+ROLES: Final = {"node": "temperature", "boundary": "temperature", "prescribed": "temperature", "load": "power", "command": "command"}
+"""Role of a column of a frame -> its quantity."""
+
+
+def _seconds(times: Any, where: str) -> FloatArray:
+    """Return the times of a frame; stamps count from the first. [s]"""
+    values = np.asarray(times)
+    if values.dtype.kind == "M":
+        seconds = (values - values[0]) / np.timedelta64(1, "s")
+    elif values.dtype.kind == "m":
+        seconds = values / np.timedelta64(1, "s")
+    elif values.dtype.kind in "iuf":
+        seconds = values.astype(np.float64)
+    else:
+        raise RecordError("the times are neither numbers nor stamps. Convert them with pandas.to_datetime, or name their column.", where)
+    if values.size < 2 or not np.all(np.diff(seconds) > 0.0):
+        raise RecordError("the times do not increase strictly. Sort the frame by time and drop what is there twice.", where)
+    return np.asarray(seconds, dtype=np.float64)
+
+
+def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
+    """Return a column of a frame as a channel."""
+    where = f"{name}, {column}"
+    refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
+    roles = [key for key in ROLES if key in table]
+    if "unit" not in table or len(roles) != 1:
+        raise RecordError(f"give its unit, and one of {', '.join(ROLES)}: {{'unit': 'degC', 'node': 'case'}}.", where)
+    of, slot = unit(str(table["unit"])), {"temperature": "K", "power": "W"}.get(ROLES[roles[0]], "")
+    if slot and of.dimension != unit(slot).dimension:
+        raise RecordError(f"'{of.text}' is no unit of a {ROLES[roles[0]]}.", where)
+    sizes = {
+        key: amount(table[key], "K" if ROLES[roles[0]] == "temperature" else of.text, where)
+        for key in ("noise", "accuracy")
+        if key in table
+    }
+    return Channel.of(
+        column,
+        in_si(values, of),
+        quantity=ROLES[roles[0]],
+        role=roles[0],
+        target=str(table[roles[0]]),
+        column=column,
+        unit=of.text,
+        **sizes,
+    )

@@ -342,7 +342,7 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
         parts.append(
             (
                 "Analysis of its residuals",
-                f"{len(known)} records: for each of them run td.criticise(campaign[{c.stage!r}], elements=False).",
+                f"{len(known)} records: for each of them run td.explain.criticise(campaign[{c.stage!r}], elements=False).",
             )
         )
     elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):

@@ -23,6 +23,7 @@ from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import even_step, gap_from, usual_step
 from thermid.reporting.pictures.chart import Panel, Stroke, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
+from thermid.results import Result
 from thermid.units import counted, from_si, in_si
 
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
@@ -32,7 +33,7 @@ _BARE: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Look(Result):
     """What stands in a log.
 
     Parameters

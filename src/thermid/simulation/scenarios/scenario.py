@@ -123,7 +123,7 @@ class Scenario:
         for gas, around in self.environment.items():
             if not isinstance(around, Environment):
                 raise ScenarioError(
-                    f"it takes an environment, not {around!r}. Make one: td.Environment(...).", f"{self.title}, environment.{gas}"
+                    f"it takes an environment, not {around!r}. Make one: td.network.Environment(...).", f"{self.title}, environment.{gas}"
                 )
         seconds = float(self.duration) if isinstance(self.duration, Real) else literal(self.duration, "s", f"{self.title}, duration")
         if not math.isfinite(seconds):

@@ -1,0 +1,69 @@
+"""Records of pandas frames: measured unless said otherwise, units and roles stated, and the way back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import RecordError
+
+pandas = pytest.importorskip("pandas")
+CHANNELS: dict[str, dict[str, Any]] = {
+    "T1": {"unit": "degC", "node": "case", "noise": "0.1 [K]", "accuracy": "0.5 [K]"},
+    "room": {"unit": "degC", "boundary": "air"},
+    "P": {"unit": "mW", "load": "heat"},
+}
+
+
+def frame(**more: Any) -> Any:
+    columns = {"T1": [20.0, 21.0, np.nan, 23.0], "room": [20.0] * 4, "P": [0.0, 1500.0, 1500.0, 1500.0]}
+    return pandas.DataFrame({**columns, **more}, index=[0.0, 10.0, 20.0, 30.0])
+
+
+def test_it_is_measured_unless_said_otherwise() -> None:
+    record = td.Record.from_dataframe("bench", frame(), CHANNELS)
+    assert not record.origin.synthetic
+    assert td.Record.from_dataframe("bench", frame(), CHANNELS, synthetic=True).origin.synthetic
+    case = record["T1"]
+    assert (case.role, case.target, case.noise, case.accuracy) == ("node", "case", pytest.approx(0.1), pytest.approx(0.5))
+    assert case.values[0] == pytest.approx(293.15)
+    assert case.valid.tolist() == [True, True, False, True]
+    assert record["P"].values[1] == pytest.approx(1.5)
+    assert record["P"].quantity == "power"
+
+
+def test_there_and_back() -> None:
+    back = td.Record.from_dataframe("bench", frame(), CHANNELS).to_frame()
+    assert back.columns.tolist() == list(CHANNELS)
+    assert np.allclose(back.to_numpy(), frame().to_numpy(), equal_nan=True)
+
+
+@pytest.mark.parametrize("column", [True, False])
+def test_stamps_count_from_the_first(column: bool) -> None:
+    stamps = pandas.to_datetime(["2026-11-22 10:00:00", "2026-11-22 10:00:10", "2026-11-22 10:01:00", "2026-11-22 10:02:00"])
+    made = frame(when=stamps) if column else frame().set_index(stamps)
+    record = td.Record.from_dataframe("bench", made, CHANNELS, time="when" if column else None)
+    assert record.times.tolist() == [0.0, 10.0, 60.0, 120.0]
+
+
+@pytest.mark.parametrize(
+    ("channels", "change", "words"),
+    [
+        ({"T2": {"unit": "degC", "node": "case"}}, {}, "the frame has no column 'T2'. Did you mean 'T1'"),
+        ({"T1": {"node": "case"}}, {}, "give its unit, and one of node"),
+        ({"T1": {"unit": "degC"}}, {}, "give its unit, and one of node"),
+        ({"T1": {"unit": "W", "node": "a"}}, {}, "'W' is no unit of a temperature"),
+        ({"T1": {"unit": "degC", "node": "a", "nois": "0.1 [K]"}}, {}, "no key 'nois'"),
+        ({"T1": {"unit": "degC", "node": "a"}}, {"index": [0.0, 10.0, 10.0, 30.0]}, "do not increase strictly"),
+        ({"T1": {"unit": "degC", "node": "a"}}, {"index": ["a", "b", "c", "d"]}, "neither numbers nor stamps"),
+    ],
+)
+def test_what_is_wrong_is_said(channels: dict[str, Any], change: dict[str, Any], words: str) -> None:
+    made = frame()
+    if "index" in change:
+        made.index = change["index"]
+    with pytest.raises(RecordError, match=words):
+        td.Record.from_dataframe("bench", made, channels)

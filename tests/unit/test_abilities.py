@@ -1,0 +1,179 @@
+"""What every result can do: a short repr, a table for a notebook, a plot, a frame, names to complete, a way through a pickle."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import MissingExtraError
+from thermid.results import ROWS, SHORT, PlottedTrace, Result
+from unit.results import of_a_fit, of_a_run
+
+pandas = pytest.importorskip("pandas")
+matplotlib = pytest.importorskip("matplotlib")
+ABLE = (
+    "record",
+    "calibration",
+    "campaign",
+    "joint",
+    "verdict",
+    "credibility",
+    "prediction",
+    "foresight",
+    "discrepancy",
+    "identifiability",
+    "profile",
+    "valley",
+    "criticism",
+    "plausibility",
+    "balance",
+    "split",
+    "margin",
+    "advice",
+    "history",
+    "difference",
+    "uncertain runs",
+    "hold",
+    "forecast",
+    "stability",
+    "diagnosis",
+    "correlation",
+    "known",
+    "plan of a retune",
+    "enclosure of a run",
+    "block's run of a run",
+    "solution of a run",
+    "steady of a run",
+    "ensemble of a run",
+    "moisture of a run",
+    "run of a profile of a run",
+    "profile of a run",
+    "reduction of a run",
+    "qualification of a run",
+    "plan of a run",
+    "htc of a run",
+    "look of a run",
+)
+"""Results of tests/unit/results.py that have all six abilities."""
+WORDS = ("plan of a retune", "plan of a run", "qualification of a run")
+"""Those that hold words and no numbers: their plot is refused."""
+NAMED = (
+    "record",
+    "calibration",
+    "campaign",
+    "prediction",
+    "hold",
+    "solution of a run",
+    "steady of a run",
+    "moisture of a run",
+    "qualification of a run",
+)
+"""Those that are indexed by names."""
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    one, other = (tmp_path_factory.mktemp(name) for name in ("fit", "run"))
+    return of_a_fit(one) | {f"{k} of a run": v for k, v in of_a_run(other).items()}
+
+
+def test_no_result_is_forgotten(results: dict[str, Any]) -> None:
+    assert {name for name, one in results.items() if isinstance(one, Result)} - set(ABLE) <= {"weather of a run"}
+
+
+@pytest.fixture(autouse=True)
+def _figures_are_closed() -> Any:
+    matplotlib.use("Agg")
+    yield
+    from matplotlib import pyplot
+
+    pyplot.close("all")
+
+
+@pytest.mark.parametrize("name", ABLE)
+def test_six_abilities(results: dict[str, Any], name: str) -> None:
+    one = results[name]
+    text = repr(one)
+    assert type(one).__name__ in text
+    assert len(text) <= SHORT
+    assert "\n" not in text
+    html = one._repr_html_()
+    assert html.startswith("<div>")
+    assert html.count("<tr>") <= ROWS + 1
+    assert "object at 0x" not in html + text
+    if name in WORDS:
+        with pytest.raises(td.ThermidError, match="nothing to draw"):
+            one.plot()
+    else:
+        assert isinstance(one.plot(), matplotlib.axes.Axes)
+    frame = one.to_frame()
+    assert isinstance(frame, pandas.DataFrame)
+    assert frame.size > 0
+    assert one.to_xarray().sizes
+    assert all(isinstance(n, str) for n in one._ipython_key_completions_())
+    assert repr(pickle.loads(pickle.dumps(one))) == text
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_names_are_completed_and_lead_somewhere(results: dict[str, Any], name: str) -> None:
+    names = results[name]._ipython_key_completions_()
+    assert names
+    for n in names:
+        results[name][n]
+
+
+def test_a_plot_draws_into_the_axes_that_are_given(results: dict[str, Any]) -> None:
+    from matplotlib import pyplot
+
+    axes = pyplot.subplots()[1]
+    assert results["prediction"].plot(axes) is axes
+    assert axes.get_ylabel() == "temperature [degC]"
+    assert len(axes.collections) == len(results["prediction"].bands)
+    assert len(axes.lines) == len(results["prediction"].bands)
+
+
+def test_a_frame_holds_the_numbers(results: dict[str, Any]) -> None:
+    solution = results["solution of a run"]
+    frame = solution.to_frame()
+    assert np.array_equal(frame["case"].to_numpy(), solution["case"].celsius)
+    assert frame.index.name == "time [s]"
+    fit = results["calibration"]
+    rows = fit.to_frame().set_index("path")["error"]
+    assert {path: v.shown(v.error) for path, v in fit.values.items()} == rows.to_dict()
+
+
+def test_markup_is_escaped() -> None:
+    class Bad(Result):
+        def _summary(self) -> str:
+            return "<script>alert(1)</script>" + "x" * 500
+
+        def _as_rows(self) -> list[Any]:
+            return [{"<b>": "<i>", "n": 1.0}] * 30
+
+    bad = Bad()
+    assert len(repr(bad)) == SHORT
+    html = bad._repr_html_()
+    assert "<script>" not in html
+    assert "<i>" not in html
+    assert "10 more rows" in html
+
+
+def test_nothing_to_draw_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match="nothing to draw"):
+        Result().plot()
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    class Line(Result):
+        def _as_traces(self) -> list[PlottedTrace]:
+            return [PlottedTrace("a", np.arange(3.0), np.arange(3.0))]
+
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtraError, match=r"to_frame needs 'pandas'.*pip install pandas"):
+        Line().to_frame()
