@@ -178,12 +178,13 @@ class Enthalpy:
             now, self.heat = float(found.t[-1]), found.y[:, -1].copy()
             for (k, level, what), hit in zip(marks, found.t_events, strict=True):
                 if hit.size:
-                    self.pass_by(k, level, what, self.rates(now, self.heat)[k])
+                    rate = self.rates(now, self.heat)[k]
+                    self.pass_by(k, level, what, rate)
                     if what in ("molten", "freezes"):
                         self.events.append(now)
                         node = self.nodes[k]
                         heat = self.field(node, "mass") * self.field(node, "liquid_specific_heat")
-                        self.paces.append(abs(self.rates(now, self.heat)[k]) / heat)
+                        self.paces.append(abs(rate) / heat)
         return np.array(rows)
 
     def pass_by(self, k: int, level: float, what: str, rate: float) -> None:
