@@ -74,8 +74,8 @@ def test_means_levels_and_the_period_are_those_of_the_model() -> None:
     assert period["hottest"].highest == pytest.approx(max(high[n] for n in NODES) - 273.15, abs=0.02)
     assert (period.times[0], period.times[-1]) == (0.0, 3600.0)
     still = {"boundaries": {"air": "20 [degC]", "base": "15 [degC]"}}
-    levels = td.steady_levels(plate(), course(["chip"], **still))
-    expected = td.steady_levels(whole, course(loads, **still))
+    levels = td.simulation.steady_levels(plate(), course(["chip"], **still))
+    expected = td.simulation.steady_levels(whole, course(loads, **still))
     assert len(levels) == len(expected) == 2
     for one, other in zip(levels, expected, strict=True):
         assert np.abs(one.final_field.ravel() - [other[n] for n in NODES]).max() < 1e-3
