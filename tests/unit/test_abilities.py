@@ -10,8 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.errors import MissingExtraError
-from thermid.interop.fmu.image import ROWS
-from thermid.results import SHORT, PlottedTrace, Result
+from thermid.results import ROWS, SHORT, PlottedTrace, Result
 from unit.results import of_a_fit, of_a_run
 
 pandas = pytest.importorskip("pandas")
