@@ -102,7 +102,7 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     DeckError   When it is a text, a path, a dictionary or an object of another kind.
     """
     if words[0] == PLAIN:
-        wanted = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
+        wanted: dict[str, type] = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
         if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
             return
         raise DeckError(f"`{name}` takes {'a whole number' if 'int' in words else 'a dictionary'}, not {value!r}.", function)

@@ -140,7 +140,7 @@ class Options:
         """
         for name in ("tolerance", "relative", "input_tolerance", "max_step", "max_steps", "large_tolerance"):
             given = getattr(self, name)
-            if given is not None and (isinstance(given, bool) or not isinstance(given, Real) or not given >= 0.0):
+            if given is not None and (isinstance(given, bool) or not isinstance(given, Real) or not float(given) >= 0.0):
                 raise ScenarioError(f"it takes a number, zero or above, not {given!r}.", f"Options, {name}")
         for name, kind in (("method", str), ("extremes", bool)):
             if not isinstance(given := getattr(self, name), kind):
