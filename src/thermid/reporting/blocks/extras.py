@@ -112,7 +112,7 @@ FORMULAS = "/*formulas*/"
 
 
 def formula_face() -> str:
-    """Return the font of formulas with its own bytes, so that they look the same where no such font is installed (decision 221)."""
+    """Return the font of formulas with its own bytes, so that they look the same where no such font is installed (decision 209)."""
     from importlib.resources import files
 
     font = files("thermid.reporting.blocks").joinpath("mathematics.woff2").read_bytes()
