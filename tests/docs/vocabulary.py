@@ -208,6 +208,11 @@ def by_heading() -> dict[str, Names]:
         "Criteria of a plan": _of(("each", *PLAIN), {"each": "K", "share": "1"}),
         "Test of a plan": _model(plan_schema.TestTable, TEST_UNITS),
         "Log of a test": _model(plan_schema.LogTable),
+        "Lock of a plan": _model(plan_schema.LockTable),
+        "Look at a test": _model(plan_schema.LookedTable),
+        "File of locks": _model(plan_schema.LockFile),
+        "Delivery": _model(plan_schema.ChecksFile),
+        "Run of a delivery": _model(plan_schema.MetTable, {"times_s": "s", "temperatures_C": "degC"}),
         "Options of the integrator": _of(
             _plain(dataclasses.fields(td.Options)), {"tolerance": "K", "relative": "1", "input_tolerance": "K", "max_step": "s"}
         ),

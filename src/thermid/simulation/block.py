@@ -333,7 +333,7 @@ def _solution(
         **grid,
     }
     nodes = (*names, *network.boundaries)
-    lost = "" if network.boundaries else "the block has no path to a boundary: it warms or cools without limit as it is heated"
+    lost = "" if network.boundaries else "the block has no path to a boundary, so its temperature changes without limit when it is heated"
     remarks = tuple(each for each in (lost, said) if each)
     return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
 
@@ -430,7 +430,7 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Op
     asked = Start.of(start, where)
     if asked is not None:
         if scenario.initial:
-            raise ScenarioError("a steady start holds for all cells; leave 'initial' out.", where)
+            raise ScenarioError("a steady start gives the temperatures of all cells. Leave 'initial' out.", where)
         return _settled(block, scenario, network, asked, options, where)
     if start == "" and len(network.boundaries) != 1:
         raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where)

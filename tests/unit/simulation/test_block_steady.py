@@ -39,12 +39,12 @@ def model() -> tuple[td.Model, list[str]]:
 def test_the_inputs_of_the_start_were_held_without_a_word() -> None:
     """60 K above the mean for a heater that is on for a fifth of the time: steady and a steady start name the instant."""
     found = td.steady(plate(), course(["chip"]))
-    assert any("inputs of 0 s held, while air, chip change" in w for w in found.warnings)
+    assert any("inputs of 0 s, although air, chip change in time" in w for w in found.warnings)
     late = td.steady(plate(), course(["chip"]), "30 [min]")
-    assert any("inputs of 1800 s held" in w for w in late.warnings)
+    assert any("inputs of 1800 s, although" in w for w in late.warnings)
     assert found["hottest"].final > late["hottest"].final + 10.0
     run = td.simulate(plate(), course(["chip"], start="steady"))
-    assert any("inputs of 0 s held" in w for w in run.warnings)
+    assert any("inputs of 0 s, although" in w for w in run.warnings)
     assert td.steady(plate(), td.Scenario(boundaries={"air": "20 [degC]", "base": "15 [degC]"})).warnings == ()
 
 
@@ -66,7 +66,7 @@ def test_every_start_is_that_of_the_model(start: str) -> None:
 def test_means_levels_and_the_period_are_those_of_the_model() -> None:
     whole, loads = model()
     mean = td.steady(plate(), course(["chip"]), "mean")
-    assert any("the means over a period of 3600 s of air, chip are held" in w for w in mean.warnings)
+    assert any("the means over a period of 3600 s of air, chip are the inputs" in w for w in mean.warnings)
     own = td.steady(whole, course(loads), "mean")
     assert np.abs(mean.final_field.ravel() - [own[n] for n in NODES]).max() < 1e-3
     period = td.steady(plate(), course(["chip"]), "periodic")
@@ -96,8 +96,8 @@ def test_a_plate_that_takes_hours_comes_back_after_minutes() -> None:
 
 
 WRONG = {
-    "longer than the run": ({"duration": "30 [min]", "start": "periodic"}, "Let it last a period"),
-    "nothing changes": ({"boundaries": {"air": "20 [degC]", "base": "15 [degC]"}, "commands": {}, "start": "periodic"}, "no input changes"),
+    "longer than the run": ({"duration": "30 [min]", "start": "periodic"}, "Extend the run to at least one period"),
+    "nothing changes": ({"boundaries": {"air": "20 [degC]", "base": "15 [degC]"}, "commands": {}, "start": "periodic"}, "needs inputs that change in time, and none does"),
     "after the end": ({"start": "steady, 2 [h]"}, "after the end of the run"),
     "no period": (
         {
@@ -106,7 +106,7 @@ WRONG = {
         },
         "do not repeat",
     ),
-    "initial": ({"start": "periodic", "initial": {"cell[0,0,0]": "30 [degC]"}}, "leave 'initial' out"),
+    "initial": ({"start": "periodic", "initial": {"cell[0,0,0]": "30 [degC]"}}, "Leave 'initial' out"),
 }
 
 

@@ -220,15 +220,15 @@ def test_a_table_of_an_orbit_has_every_argument(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("albedo = 0.3\n", ""), "albedo is missing, and none is assumed"),
+        (("albedo = 0.3\n", ""), "orbit.albedo: is missing"),
         (('start = "periodic"', 'start = "periodic"\nduration = "1 [h]"'), "so many orbits or has a duration"),
-        (("orbits = 1", "orbits = 0"), "no run"),
-        (("orbits = 1", "orbit = 1"), "no 'orbit' in orbit"),
+        (("orbits = 1", "orbits = 0"), "orbits: input should be greater than 0"),
+        (("orbits = 1", "orbit = 1"), "'orbit' is not a field here"),
         (("orbits = 1", "faces = { top = 'zenith' }"), "no face 'top'"),
         (("orbits = 1", "faces = { zenith = 'ram', ram = 'ram' }"), "looks one way"),
         (("orbits = 1", "[site]\nlatitude = 1\nlongitude = 2"), "in orbit or it is not"),
         (("orbits = 1", "[irradiation.ram]\ninfrared = '1 [W/m^2]'"), "by orbit and by irradiation"),
-        (('radius = "6370 [km]", ', ""), "radius is missing"),
+        (('radius = "6370 [km]", ', ""), "planet.radius: is missing"),
     ],
 )
 def test_an_orbit_that_is_none_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:

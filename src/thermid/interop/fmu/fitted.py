@@ -70,9 +70,9 @@ class FittedFmu:
         out += [f"AT A BOUND: {name}" for name in self.bounds]
         if self.ratio > MISSED:
             out.append(f"NOT ADEQUATE: the residuals are {self.ratio:.3g} times the noise; errors are widened by that")
-        wandering = [name for name, rho in self.autocorrelation.items() if rho > 0.5]
-        if wandering:
-            out.append(f"residuals of {', '.join(wandering)} wander: errors count neighbouring readings as dependent")
+        dependent = [name for name, rho in self.autocorrelation.items() if rho > 0.5]
+        if dependent:
+            out.append(f"residuals of {', '.join(dependent)} are autocorrelated: the errors count neighbouring readings as dependent")
         return tuple(out)
 
     def to_dict(self) -> dict[str, Any]:

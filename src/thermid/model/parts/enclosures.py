@@ -224,8 +224,8 @@ class Enclosed:
             if "absorptance" not in face.surface.fields:
                 own = self.exchange.faces[self.place].path
                 raise DeckError(
-                    f"'{own}' stands in the sun in '{self.exchange.path}', and '{face.path}', on which falls what is reflected there, has "
-                    "no absorptance. Give it one; 1 for a black face.",
+                    f"'{own}' is in the sun and reflects it to '{face.path}' in '{self.exchange.path}', which has no absorptance. "
+                    "Give it one; 1 for a black face.",
                     self.exchange.where,
                 )
             out |= {p: p for p in (f"{face.path}.area", f"{face.path}.absorptance", *(t.path for t in face.takes))}

@@ -111,7 +111,7 @@ class OrbitTable(StrictTable):
     albedo: Share
     infrared: Amount
     apogee: Amount = None
-    planet: Annotated[Any, in_form(Annotated[str, Field(strict=True)], (PlanetTable, ()))] = "earth"
+    planet: Annotated[Any, in_form(Amount, (PlanetTable, ()))] = "earth"
     solar: Amount = None
     beta: Amount = None
     argument: Amount = None

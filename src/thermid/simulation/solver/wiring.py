@@ -914,7 +914,7 @@ def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) 
     """
     span = cycle or scenario.seconds
     if changing and not span:
-        raise ScenarioError("a mean over what? The inputs do not repeat; give a duration.", scenario.title)
+        raise ScenarioError("the mean needs a period, but the inputs do not repeat. Give a duration.", scenario.title)
     return span
 
 
@@ -923,15 +923,17 @@ def held_inputs(changing: Sequence[str], time: float) -> str:
     if not changing:
         return ""
     return (
-        f"steady with the inputs of {time:g} s held, while {', '.join(changing)} change{'s' if len(changing) == 1 else ''} in time; "
-        "their mean ('mean'), another time or the state that comes back ('periodic') can be asked for"
+        f"steady with the inputs of {time:g} s, although {', '.join(changing)} change{'s' if len(changing) == 1 else ''} in time. For "
+        "another state give their mean ('mean'), another time, or the periodic state ('periodic')"
     )
 
 
 def held_means(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> tuple[str, str]:
     """Return over what means of inputs are held, and what must be said of them; the second is empty where no input changes."""
     span = f"a period of {cycle:g} s" if cycle else f"{scenario.seconds:g} s"
-    said = f"the means over {span} of {', '.join(changing)} are held; where laws bend, that is not the mean of the temperatures"
+    said = (
+        f"the means over {span} of {', '.join(changing)} are the inputs; for nonlinear laws the result is not the mean of the temperatures"
+    )
     return span, said if changing else ""
 
 
@@ -955,13 +957,15 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
     if start.kind == STEADY:
         return
     if (cycle or 0.0) > seconds * (1.0 + 1e-9):
-        raise ScenarioError(f"the inputs repeat after {cycle:g} s, and the run lasts {seconds:g} s. Let it last a period.", where)
+        raise ScenarioError(
+            f"the inputs have a period of {cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.", where
+        )
     if start.kind == PERIODIC and not cycle:
         if not changing:
-            raise ScenarioError("nothing comes back periodically, as no input changes in time. Write start = 'steady'.", where)
+            raise ScenarioError("a periodic start needs inputs that change in time, and none does. Write start = 'steady'.", where)
         raise ScenarioError(
-            f"nothing comes back periodically: {', '.join(changing)} do not repeat. A table repeats with after = 'repeat'; "
-            "the longest period is at most a thousand of the shortest.",
+            f"a periodic start needs periodic inputs, but {', '.join(changing)} do not repeat. Give a table after = 'repeat'; the longest "
+            "period may be at most 1000 times the shortest.",
             where,
         )
 
@@ -975,14 +979,16 @@ def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: in
     """
     moving = [name for name, s in signals.items() if not s.held]
     if moving:
-        raise ScenarioError(f"'{moving[0]}' does not stay on levels; ask for its mean, a time or the periodic state.", title)
+        raise ScenarioError(f"'{moving[0]}' has no plateaus. Request its mean, a time or the periodic state.", title)
     knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in signals.values())]))
     knots = knots[(knots >= 0.0) & (knots <= length)]
     middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
     rows = np.column_stack([s.at(middles) for s in signals.values()])
     _, first = np.unique(rows, axis=0, return_index=True)
     if first.size > most:
-        raise ScenarioError(f"the inputs take {first.size} combinations of levels; {most} at most are looked at.", title)
+        raise ScenarioError(
+            f"the inputs take {first.size} combinations of values; the limit is {most}. Request the mean or single times.", title
+        )
     return [float(middles[k]) for k in np.sort(first)]
 
 
