@@ -10,6 +10,8 @@ import sys
 from importlib import import_module
 from types import ModuleType
 
+from thermid.renamed import moved
+
 _TOP = {
     "Model": "model.tree.model",
     "load_model": "model.deck.modelfile",
@@ -230,7 +232,7 @@ class _Namespace(ModuleType):
             return value
         if self.__name__ == "thermid" and (name in _NAMESPACES or name == "errors"):
             return import_module(f"thermid.{name}")
-        if self.__name__ == "thermid" and not name.startswith("_") and (new := import_module("thermid.renamed").moved(name)):
+        if self.__name__ == "thermid" and not name.startswith("_") and (new := moved(name)):
             space, _, last = new.partition(".")
             return getattr(getattr(self, space), last)
         raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")

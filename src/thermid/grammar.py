@@ -68,7 +68,7 @@ def shown(written: Any) -> str:
     """Return what is written in a file, for a message: tables and lists by their kind, long texts cut.
 
     >>> shown({"a": 1}), shown(True), shown("x" * 60)[-4:]
-    ('a table', 'true', "..." "'")
+    ('a table', 'true', "...'")
     """
     if isinstance(written, Mapping):
         return "a table"

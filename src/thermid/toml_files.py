@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.errors import DeckError, nearest
-from thermid.extensions import by_grammar
+from thermid.extensions import by_grammar, grammar_of
 from thermid.files import parse_toml, read_text
 
 MARKER = "thermid.toml"
@@ -78,13 +78,14 @@ def read_json(path: Path, kind: str) -> Any:
 
     Raises
     ------
-    ThermidError    When it is no JSON, or does not follow the grammar.
+    ThermidError    When it is not valid JSON, or does not follow the grammar.
     OSError         When it cannot be opened.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
-        content = f"this is no JSON: {error}"
+        grammar, text = grammar_of(kind), f"this is not valid JSON: {error}."
+        raise grammar.fault(f"{grammar.lead}\n  {path}: {text}" if grammar.lead else text, str(path)) from None
     return by_grammar(kind, content, Places(str(path)))
 
 

@@ -146,8 +146,10 @@ def test_B16_runaway_is_detected() -> None:  # noqa: N802
     """a P0 above h A: no steady state, and a run that says so."""
     bench = td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="500 [h]")
     with pytest.raises(
-        SolverError, match=r"the temperature rises without limit at \.\* at 'case': a power grows faster with temperature than the heat"
+        SolverError,
+        match=r"the temperature rises without limit at \S+ s of \S+ s at 'case': "
+        r"a power grows faster with temperature than the heat removed",
     ):
         td.simulate(_gyro(0.1), bench)
-    with pytest.raises(SolverError, match=r"no steady state|not stable"):
+    with pytest.raises(SolverError, match="the steady state is unstable: a power grows faster with temperature than the heat removed"):
         td.steady(_gyro(0.1), bench)

@@ -62,7 +62,7 @@ class TestPowerMassAndConductance:
     def test_in_words(self, part: td.Model) -> None:
         text = str(td.identifiability(part, free=self.FREE, scenario=bench(), sensors=SENSOR))
         assert " parameters." in text
-        assert f"'power', '{MASS}' and '{HTC}' cannot be told apart: multiplying all of them by any one factor changes no reading." in text
+        assert f"'power', '{MASS}' and '{HTC}' cannot be separated: multiplying all of them by any one factor changes no reading." in text
         assert "which sets the temperature rise" in text
         assert "which sets the time constant" in text
         assert "measure 'power' to 5 %" in text
@@ -75,22 +75,23 @@ class TestPowerMassAndConductance:
 
     def test_the_fit_is_refused_and_says_what_is_known(self, part: td.Model) -> None:
         message = refused(part, bench(), list(self.FREE))
-        assert "apart: multiplying all of them by any one factor changes no reading." in message
+        assert f"'power', '{MASS}', '{HTC}' cannot be separated by these data: multiplying all of them by any" in message
+        assert ": multiplying all of them by any one factor changes no reading. Known: " in message
         assert "' or give it a prior." in message
         assert f"power/{HTC} to about 0.073 % (the temperature rise)" in message
 
     def test_the_cures_leave_what_a_fit_with_them_leaves(self, part: td.Model) -> None:
         found = td.identifiability(part, free=self.FREE, scenario=bench(), sensors=SENSOR)
-        cure = next(c for c in found.cures if c.action.startswith("know 'power'"))
+        cure = next(c for c in found.cures if c.action.startswith("measure 'power'"))
         told = td.identifiability(part, free=self.FREE, scenario=bench(), sensors=SENSOR, priors={"power": ("", "5 [%]")})
         for path in (MASS, HTC):
             assert cure.errors[path] == pytest.approx(told[path].relative, rel=1e-6)
             assert cure.errors[path] == pytest.approx(0.05, rel=0.01)
-        assert " separates them." in str(told)
+        assert "Only the prior of 'power' separates them." in str(told)
 
     def test_a_step_of_known_power_is_worth_what_is_promised(self, part: td.Model) -> None:
         found = td.identifiability(part, free=self.FREE, scenario=bench(), sensors=SENSOR)
-        cure = next(c for c in found.cures if "known power" in c.action)
+        cure = next(c for c in found.cures if "an extra, known 0.225 W at 'electronics'" in c.action)
         assert max(cure.errors.values()) < 0.005
 
 
@@ -111,7 +112,7 @@ def test_known_power_and_three_hundred_readings(part: td.Model) -> None:
     assert found[MASS].relative == pytest.approx(0.00561, abs=5e-6)
     assert found[HTC].relative == pytest.approx(0.00073, abs=5e-6)
     assert (found.rank, found.groups, found.cures) == (2, (), ())
-    assert str(found).endswith(". Log temperatures while a power changes,")
+    assert str(found).endswith("All parameters can be separated.")
 
 
 def test_without_a_path_for_the_heat_only_the_rate_of_warming_shows(part: td.Model) -> None:
@@ -141,8 +142,9 @@ def test_in_vacuum_emissivity_and_area_are_one(part: td.Model, emissivity: str, 
     vacuum = bench(duration="40 [h]").vacuum()
     assert td.steady(shiny, vacuum)["case"] - 297.15 == pytest.approx(rise, abs=1e-4)
     found = td.identifiability(shiny, free=["area", "skin.emissivity"], scenario=vacuum, sensors=SENSOR)
-    assert "cannot be separated by these data; they act only as a" in str(found)
-    assert "cannot be separated by these data; they act only as a" in refused(shiny, vacuum, ["area", "skin.emissivity"])
+    assert "'area' and 'skin.emissivity' cannot be separated; they act only as a product. Known: area*skin.emissivity = " in str(found)
+    message = refused(shiny, vacuum, ["area", "skin.emissivity"])
+    assert "'area' and 'skin.emissivity' cannot be separated by these data; they act only as a product (known: " in message
 
 
 class TestAChamberAlone:

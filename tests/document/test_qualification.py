@@ -43,7 +43,9 @@ def test_A8_two_logs_in_metrics_and_overlay_out(tmp_path: Path) -> None:  # noqa
     assert found["verdicts"] == {"MIL-HDBK-340, transient": True}
     text = page.read_text(encoding="utf-8")
     assert "sensor, 95 %" in text
-    assert text.count('<svg class="plot"') == 3
+    assert text.count('<svg class="plot"') == 2 + 3
+    for figure in ('id="fig-scatter"', 'id="fig-histogram"'):  # of all readings, above one overlay for each of three sensors
+        assert text.count(figure) == 1
     assert "SYNTHETIC DATA" in text
 
 

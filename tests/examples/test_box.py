@@ -65,7 +65,12 @@ MISTAKES = {
     "a unit of another kind": ("parts.csv", "theta_JB [K/W]", "theta_JB [W/K]", "parts.csv:3"),
     "a part twice": ("parts.csv", "u9, SO8", "u8, SO8", "It is defined at"),
     "a part without its board resistance": ("parts.csv", "90, 110, 0.04", "90, 0.04", "parts.csv:17: the line has 6 cells for 7 columns"),
-    "an emissivity in per cent": ("box.toml", "value = 0.88, min = 0.84, max = 0.93", "value = 88", "an emissivity of 88 does not exist"),
+    "an emissivity in per cent": (
+        "box.toml",
+        "value = 0.88, min = 0.84, max = 0.93",
+        "value = 88",
+        "emissivity: the emissivity is 88. Give 0 to 1.",
+    ),
     "radiation into air": ("zone.toml", 'sees = "base", ', "", "which is gas, and gas does not absorb"),
     "a screw with nothing behind it": ("box.toml", '"base", "mount"]', '"base", "lid"]', "' has no connections. Connect it or remove it."),
     "more screws than joint": (

@@ -170,7 +170,7 @@ def test_without_data_it_says_how_to_get_them(tmp_path: Path) -> None:
             assert word in absent.said["message"]
     nowhere = calibrate("campaign.toml", tmp_path / "out", "--data", tmp_path / "nowhere")
     assert nowhere.code == 2
-    assert "'nowhere' is not there" in nowhere.said["message"]
+    assert "the data folder 'nowhere' does not exist. Give another one with --data or THERMID_DATA." in nowhere.said["message"]
 
 
 @designer

@@ -156,7 +156,7 @@ def test_a_log_outside_the_project_is_refused(shown: Page) -> None:
     shown.click("[data-view=bench]")
     shown.run("document.getElementById('log').value = '../../../../../../../etc/passwd'")
     shown.click("#bench-open")
-    shown.until("document.getElementById('error').textContent.includes('leaves the project')")
+    shown.until("document.getElementById('error').textContent.includes('lies outside the project')")
     shown.click("[data-view=scenarios]")
     shown.clean()
 

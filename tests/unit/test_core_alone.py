@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
+import thermid as td
 from private_tree import ROOT, PrivateTree
 from thermid.cli.app import COMMANDS
 
 PARTS = ("acquire", "studio", "interop", "site")
 """The optional parts: sub-packages of the one wheel that the core never imports."""
-EXTRAS = {"acquire": {"log"}, "studio": {"studio"}, "interop": {"symbolic"}, "site": {"site"}}
+EXTRAS = {"acquire": {"log"}, "studio": {"studio"}, "interop": {"symbolic", "fmu"}, "site": {"site"}}
 """Part -> the extras of pyproject.toml that hold its third-party packages."""
 COMMANDS_OF_PARTS = {place.function.partition(".")[0] for place in COMMANDS.values() if place.extra in set.union(*EXTRAS.values())}
 """Modules of the command line that are imported when a command of a part is called, and not before."""
@@ -106,10 +107,10 @@ def imported(folder: Path) -> set[str]:
 
 def of_a_part(path: Path) -> bool:
     """Whether a file of tests is a part's: it stands in the part's folder, or names the part or one of its public names."""
-    public = (ROOT / "src" / "thermid" / "__init__.pyi").read_text(encoding="utf-8")
-    names = [name for part, name in re.findall(r"from thermid\.(\w+)[\w.]* import (\w+) as", public) if part in PARTS]
+    tables = (vars(td)["_TOP"], *vars(td)["_NAMESPACES"].values())
+    names = [name for table in tables for name, module in table.items() if module.partition(".")[0] in PARTS]
     assert len(names) > 10
-    named = re.search(rf"thermid\.(?:{'|'.join(PARTS)})\b|\btd\.(?:{'|'.join(names)})\b", path.read_text(encoding="utf-8"))
+    named = re.search(rf"thermid\.(?:{'|'.join(PARTS)})\b|\btd\.(?:\w+\.)?(?:{'|'.join(names)})\b", path.read_text(encoding="utf-8"))
     return path.parent.name in PARTS or named is not None or path.name == Path(__file__).name
 
 

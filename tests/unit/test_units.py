@@ -126,7 +126,7 @@ def test_fahrenheit_sign_is_the_scale() -> None:
         ("Wat", r"'\[Wat\]' is not a known unit\. Did you mean 'atm'\?"),
         ("W/(m^2 k K", r"'\[W/\(m\^2 k K\]' is not a known unit\."),
         ("m^", r"'\[m\^\]' is not a known unit\."),
-        ("dBm", r"'\[m\^\]' is not a known unit\."),
+        ("dBm", r"'\[dBm\]' is not a known unit\."),
         ("mol", r"a dimension that does not occur in a thermal network: \[substance\]"),
     ],
 )

@@ -157,4 +157,5 @@ def spoken(seconds: float) -> str:
     minutes, rest = divmod(whole, 60)
     if minutes < 60:
         return f"{minutes} min {rest} s" if minutes < 10 and rest else f"{round(whole / 60)} min"
-    return f"{minutes // 60} h {minutes % 60} min"
+    hours, minutes = divmod(round(whole / 60), 60)
+    return f"{hours} h {minutes} min"

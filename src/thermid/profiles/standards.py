@@ -129,7 +129,7 @@ def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], ste
     at = Places(f"{where}, profile") if isinstance(where, str) else where
     place = at("")
     if not data:
-        raise ScenarioError("there is no table [profile].", place)
+        raise ScenarioError("the table [profile] is missing.", place)
     data = by_grammar("thermid.profiles.schema.ProfileTable", data, at).written
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:

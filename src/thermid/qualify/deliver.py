@@ -103,7 +103,7 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     """
     base = Path(folder)
     if not (base / "checks.json").is_file():
-        raise DeckError(f"'{base.name}' is no delivery: it has no checks.json with files and runs.")
+        raise DeckError(f"'{base.name}' is not a delivery: it has no checks.json with files and runs.")
     record = read_json(base / "checks.json", "delivery")
     files, runs, watched = record.files, record.runs, record.reference_points
     for name, kept in files.items():

@@ -217,9 +217,9 @@ BAD = [
         'stage = "box", as',
         'stage = "bux", as',
         "inherit",
-        r"'a' inherits from stage 'bux', which does not come before\. Did you mean 'box'",
+        r"'a' inherits from stage 'bux', which is not an earlier stage\. Did you mean 'box'",
     ),
-    ('stage = "box", as', 'stage = "pair", as', "inherit", r"'a' inherits from stage 'pair', which does not come before"),
+    ('stage = "box", as', 'stage = "pair", as', "inherit", r"'a' inherits from stage 'pair', which is not an earlier stage"),
     ('name    = "pair"', 'name    = "box"', STAGES, r"two stages are named 'box'"),
     ('name    = "pair"', 'name    = ""', 'name    = ""', r"a stage needs a name"),
     ('model    = "pair"', 'model    = "pear"', 'model    = "pear"', r"verdicts\.0\.model: no stage 'pear'\. Did you mean 'pair'"),
@@ -233,9 +233,19 @@ BAD = [
         r"no log 'logs/gone\.csv' beside the campaign, and no folder of data is given \(--data, or THERMID_DATA\)\. Run the test\.",
     ),
     ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', PAIRS, r"no log 'logs/nothing_\*\.csv'"),
-    ('"logs/box_bench.csv"', '"../box_bench.csv"', BENCH, r"'\.\./box_bench\.csv' leaves the project"),
-    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, r"leaves the project"),
-    ('model   = "pair.toml"', 'model   = "../pair.toml"', STAGES, r"'\.\./pair\.toml' leaves the project"),
+    (
+        '"logs/box_bench.csv"',
+        '"../box_bench.csv"',
+        BENCH,
+        r"'\.\./box_bench\.csv' lies outside the project \(thermid\.toml marks its root\)",
+    ),
+    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, r"'\.\./logs' lies outside the project \(thermid\.toml marks its root\)"),
+    (
+        'model   = "pair.toml"',
+        'model   = "../pair.toml"',
+        STAGES,
+        r"'\.\./pair\.toml' lies outside the project \(thermid\.toml marks its root\)",
+    ),
     ('model   = "pair.toml"', 'model   = "pear.toml"', None, r"there is no file 'pear\.toml'.*Did you mean 'pair\.toml'"),
     ('file     = "logs/box_bench.csv"\n', "", BENCH, r"give a record either `file`, or `files` with patterns\."),
     ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', STAGES, r"no parameter 'stack\.contact'"),
@@ -247,7 +257,7 @@ BAD = [
         r"no column 't_s'",
     ),
     ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', BENCH, r"\[W\]"),
-    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"unknown criterion 'rms'\. Did you mean 'rmse'"),
+    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"there is no criterion 'rms'\. Did you mean 'rmse'"),
     ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"'T_A' has no criterion\. Give it"),
     (
         *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),
@@ -264,7 +274,11 @@ BAD = [
         STAGES,
         r"exactly one of node, boundary, load, command and prescribed.*given: nod",
     ),
-    (*before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'), STAGES, r"not node, noise"),
+    (
+        *before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'),
+        STAGES,
+        r"exactly one of node, boundary, load, command and prescribed.*given: node, noise",
+    ),
     (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
     (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is not a field here\."),
@@ -277,7 +291,7 @@ BAD = [
     (
         *before(PAIRS, '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }'),
         PAIRS,
-        r"two logs give a record 'pair_one'",
+        r"two logs give a record with the name 'pair_one': 'box_bench\.csv' and 'pair_one\.csv'",
     ),
 ]
 
@@ -306,7 +320,7 @@ def test_a_missing_campaign_and_one_that_is_no_toml(tmp_path: Path, project: Pat
     with pytest.raises(ThermidError, match=r"there is no file 'campain\.toml'.*Did you mean 'campaign\.toml'"):
         read_campaign(project.parent / "campain.toml")
     project.write_text("title = ")
-    with pytest.raises(ThermidError, match=r"campaign\.toml: this is no TOML"):
+    with pytest.raises(ThermidError, match=r"campaign\.toml: this is not valid TOML"):
         read_campaign(project)
 
 
@@ -372,7 +386,7 @@ class TestWhereLogsLie:
         shutil.copy(project.parent / "logs" / "box_bench.csv", outside)
         (project.parent / "logs" / "box_bench.csv").unlink()
         os.symlink(outside, project.parent / "logs" / "box_bench.csv")
-        assert "leaves the project" in str(refused(project))
+        assert "'logs/box_bench.csv' lies outside the project (thermid.toml marks its root)" in str(refused(project))
 
     def test_checksum_of_the_right_log(self, project: Path) -> None:
         sha = read_campaign(project).record("box_bench").origin.sha256
@@ -542,7 +556,7 @@ def test_freeze_ranges_and_measured_neighbours_from_a_campaign(project: Path) ->
 def test_a_range_that_is_none_says_where(project: Path) -> None:
     changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', f'priors = {{ "{JOINT}" = "range" }}'))
     error = refused(project)
-    assert re.search(r"the range of 'stack\.contact_conductance' is no prior", str(error))
+    assert re.search(r"the range of 'stack\.contact_conductance' is not a prior", str(error))
     assert f"priors.{JOINT}" in error.where
 
 
@@ -572,7 +586,7 @@ def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
     again = run_stages(project)["box"]
     assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
     project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
-    assert "unit is given for 'wen', which is no channel is requested. Give" in str(refused(project))
+    assert "unit is given for 'wen', which is not a channel. Channels: T_A, ROOM." in str(refused(project))
 
 
 def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:

@@ -175,7 +175,7 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     assert {d.path for d in plan.replacement.dropped} == {"y.mass", f"y.{HTC}"}
     assert plan.freed == (f"unit: y.{HTC}", "unit: foot_y.contact_conductance")
     assert [(t.path, t.held) for t in plan.touched if t.held] == [
-        (FOOT, "stays with foot_x; foot_y.contact_conductance has a number of its own")
+        (FOOT, "stays with foot_x; foot_y.contact_conductance now has a separate value")
     ]
     swapped = campaign["unit"].fitted_model.replace("y", load_model(path))
     assert swapped.at("y.power").text == "6 [W]"

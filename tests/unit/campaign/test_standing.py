@@ -24,7 +24,7 @@ from thermid.model.deck.modelfile import load_model
 from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, State, worst
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
-WHY = "T_BOX would have to be wrong by +0."
+WHY = "T_BOX would need an error of +0."
 ORDER = get_args(State)
 
 

@@ -61,7 +61,7 @@ def test_a_settled_end_is_fitted_beside_the_beginning(project: Path, tmp_path: P
 def test_a_stretch_that_a_transient_holds_too_is_refused(project: Path) -> None:
     twice = project.with_name("twice.toml")
     twice.write_text(CAMPAIGN.replace("RECORDS", "long"))
-    with pytest.raises(RecordError, match=r"steady point 'settled' is of 100800 to 108000 s of 'long'.*its readings would count twice"):
+    with pytest.raises(RecordError, match=r"steady point 'settled' covers 100800 to 108000 s of 'long'.*its readings would count twice"):
         td.run_stages(twice)
 
 

@@ -91,7 +91,9 @@ def test_a_stage_tuned_by_hand_is_a_stage_like_any_other(tmp_path: Path, row: st
         assert found["whole"][E].error > 3 * found["whole"][E].error_random
     else:
         assert not state.known
-        assert [x.what for x in found["whole"].store.left_out] == [f"'{G}' was tuned by hand at stage 'bench' without an error"]
+        assert [x.what for x in found["whole"].store.left_out] == [
+            f"'{G}' was tuned by hand at stage 'bench' without an error, so the errors here are too small. Give {{ value, sd }} there"
+        ]
 
 
 def test_what_was_tuned_by_hand_may_be_a_prior(tmp_path: Path) -> None:
@@ -163,7 +165,7 @@ def test_a_value_that_the_deck_gives_otherwise_by_now_is_dropped_and_listed(tmp_
     assert set(kept.parameters) == {E, f"s.{J}"}
     (gone,) = kept.dropped
     assert (gone.path, gone.origin) == (f"s.p.{G}", "stage 'component'")
-    assert gone.why.startswith("the deck says 0.5 [W/K], it was 0.30 [W/K]")
+    assert gone.why.startswith("the deck has 0.5 [W/K], but had 0.30 [W/K]")
 
 
 def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_refused(tmp_path: Path) -> None:
@@ -177,7 +179,7 @@ def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_
     assert both[f"s.p.{G}"].origin.stage == "component"
     assert remarks == (f"'s.p.{G}': the value of stage 'component' is used, not that of stage 'other', which is deeper in the model.",)
     with pytest.raises(
-        DeckError, match=r"stage 'component' and stage 'other' both give 's\.p\.g\.conductance', and neither knew of the other"
+        DeckError, match=r"stage 'component' and stage 'other' both give 's\.p\.g\.conductance' independently of each other\. Inherit one"
     ):
         graft(whole, [("s.p", component), ("s.p", again)])
 
@@ -294,4 +296,4 @@ def test_a_values_file_on_the_command_line(tmp_path: Path) -> None:
     without, kept = end("--values", str(tmp_path / "v.toml")), end("--values", str(tmp_path / "v.toml"), "--keep-values")
     assert kept[0] == laid[0] != without[0]
     assert f"s.p.{G} = " in without[1]
-    assert "is left out: the deck has 0.31 [W/K], but had 0.30 [W/K] when this value was fitted. --keep-values keeps it." in without[1]
+    assert "was ignored: the deck has 0.31 [W/K], but had 0.30 [W/K] when this value was fitted. --keep-values keeps it." in without[1]

@@ -18,7 +18,7 @@ def test_a_stage_with_noise_on_a_node(call: Call, tmp_path: Path) -> None:
     said = call(*asked)
     assert (said.code, said.err) == (0, "")
     assert "box: " in said.out.splitlines()[0]
-    assert "foresees left-out readings over 10 min" in said.out
+    assert "predicts left-out readings over 10 min" in said.out
     told = json.loads(call(*asked, "--json").out)
     assert set(told["estimators"]) == {"process noise", "output error"}
     assert told["horizon_s"] == 600.0

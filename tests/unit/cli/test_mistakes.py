@@ -27,7 +27,7 @@ from .conftest import Call
         ),
         (
             ("moisture", "DECK", *"--boundary air=24 --for 60 --humidity air=60".split()),
-            "a relative humidity of 60; give 0 to 1, or a text such as '60 [%]'",
+            "'air' has a relative humidity of 60. Give 0 to 1, or a text such as '60 [%]'",
         ),
     ],
     ids=lambda given: " ".join(given[:1]) if isinstance(given, tuple) else "",

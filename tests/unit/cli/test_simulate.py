@@ -254,7 +254,8 @@ def test_a_run_that_cannot_end_is_the_solvers(call: Call, tmp_path: Path) -> Non
     )
     said = call("simulate", deck, "--boundary", "air=20", "--for", "1 [h]", "--json")
     assert said.code == 3
-    assert "runs away" in said.object["message"]
+    assert "the temperature rises without limit at " in said.object["message"]
+    assert " at 'case': a power grows faster with temperature than the heat removed" in said.object["message"]
 
 
 def test_as_flown_leaves_out_what_is_for_the_test_only(call: Call, tmp_path: Path) -> None:

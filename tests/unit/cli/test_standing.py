@@ -11,7 +11,7 @@ from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing
 from unit.cli.conftest import Call, Said
 from unit.fit.planted import planted
 
-TOLD = "NOT CREDIBLE: rests on stage 'box' (T_BOX would have to be wrong by +0."
+TOLD = "NOT CREDIBLE: rests on stage 'box' (T_BOX would need an error of +0."
 TAKEN = TOLD.replace("CREDIBLE:", "CREDIBLE (accepted):")
 HOLD = """
 model = "whole.toml"

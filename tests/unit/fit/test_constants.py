@@ -38,18 +38,24 @@ def plain() -> td.Calibration:
 
 
 class TestConstantCoefficients:
-    """Exponent 0 to 1/3 and emissivity 0 to 0.95, each as likely as another: means and deviations of uniform distributions."""
+    """Exponent 1/5 to 1/3 and emissivity 0 to 0.95, each as likely as another: means and deviations of uniform distributions.
 
-    def test_shares_and_exponents(self, plain: td.Calibration) -> None:
-        of = td.explain.discrepancy(plain)
-        black = 4.0 * STEFAN_BOLTZMANN * of.conditions["skin"].level ** 3 / plain[HTC].value
+    Both count with the probability of free air: 1 where the deck states it, 1/2 where it states nothing.
+    """
+
+    @pytest.mark.parametrize(("words", "probability"), [({"surfaces/skin/carried_by": "free air"}, 1.0), ({}, 0.5)])
+    def test_shares_and_exponents(self, words: dict[str, str], probability: float) -> None:
+        found = td.calibrate(box(words), log(box(), {}, {"T": "case"}, noise=0.02), [HTC, MASS])
+        of = td.explain.discrepancy(found)
+        black = 4.0 * STEFAN_BOLTZMANN * of.conditions["skin"].level ** 3 / found[HTC].value
         most = min(1.0, 0.95 * black)
         share, spread = most / 2.0, most / math.sqrt(12.0)
-        assert (of.means["skin", "level"], of.sizes["skin", "level"]) == pytest.approx((share, spread))
-        # of n (1 - s), n uniform from 0 to 1/3 and s as above, both independent
-        mean = (1.0 - share) / 6.0
-        square = ((1.0 - share) ** 2 + spread**2) / 27.0
-        assert (of.means["skin", "difference"], of.sizes["skin", "difference"]) == pytest.approx((mean, math.sqrt(square - mean**2)))
+        # of n (1 - s), n uniform from 1/5 to 1/3 and s as above, both independent: E n = 4/15, E n^2 = 49/675
+        squares = {"level": share**2 + spread**2, "difference": 49.0 / 675.0 * ((1.0 - share) ** 2 + spread**2)}
+        for kind, mean in (("level", share), ("difference", 4.0 / 15.0 * (1.0 - share))):
+            # neither is there where something else carries the heat
+            told = probability * mean, math.sqrt(probability * squares[kind] - (probability * mean) ** 2)
+            assert (of.means["skin", kind], of.sizes["skin", kind]) == pytest.approx(told)
 
     def test_a_stated_emissivity_is_good_to_fifteen_per_cent(self) -> None:
         """Measured emissivities of one finish differ by so much; the share of radiation follows in proportion."""
@@ -63,15 +69,21 @@ class TestConstantCoefficients:
         k, name = list(of.sizes).index(("skin", "level")), of.names.index(HTC)
         assert abs(of.response[name, k]) < 0.03
 
-    def test_two_surfaces_have_half_of_what_they_do_not_follow_in_common(self) -> None:
-        model = pair()
+    @pytest.mark.parametrize("words", [{"surfaces/skin/carried_by": "free air"}, {}])
+    def test_two_surfaces_have_half_of_what_they_do_not_follow_in_common(self, words: dict[str, str]) -> None:
+        """Exponent and share of one surface are independent, but for what carries its heat where the deck does not say it."""
+        model = pair(first=box(words), second=box(words))
         data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room")
         of = td.explain.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
         keys, sizes = list(of.sizes), np.array(list(of.sizes.values()))
         correlation = of.root @ of.root.T / np.outer(sizes, sizes)
+        assert (set(of.unsaid) == set(keys)) == (not words)
         for i, a in enumerate(keys):
             for j, b in enumerate(keys):
-                assert correlation[i, j] == pytest.approx(1.0 if a == b else 0.5 if a[1] == b[1] else 0.0)
+                # of a mixture with p = 1/2, sqrt(p (1 - p)) times the mean in free air is the mean of the mixture
+                common = 0.0 if words else math.prod(of.means[key] / of.sizes[key] for key in (a, b))
+                same = 1.0 if a[1] == b[1] else common
+                assert correlation[i, j] == pytest.approx((1.0 if a[0] == b[0] else 0.5) * same, abs=1e-9)
 
     def test_no_heat_flows_below_a_thousandth_of_the_difference(self, plain: td.Calibration) -> None:
         """The conditions weigh by heat, in the logarithm of the difference."""

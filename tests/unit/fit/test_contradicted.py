@@ -42,8 +42,8 @@ def test_a_sensor_that_is_grossly_wrong_fails_the_campaign(tmp_path: Path) -> No
     told = CliRunner().invoke(app, ["calibrate", str(path), "-v"])
     assert told.exit_code == 1
     lines = told.stdout.splitlines()
-    assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would have to be wrong by +1")
-    head = next(line for line in lines if line.startswith("box: NOT CREDIBLE: T_A would have to be wrong by +1"))
+    assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would need an error of +1")
+    head = next(line for line in lines if line.startswith("box: NOT CREDIBLE: T_A would need an error of +1"))
     assert "times its accuracy of 0.3 K. A column, a unit, a node, an accuracy or the model is wrong. Do not use these values." in head
     made = json.loads(CliRunner().invoke(app, ["calibrate", str(path), "--json"]).output)
     assert made["passed"] is False
@@ -68,22 +68,22 @@ PLAIN = FittedValue("sensor T1", 3.1, 0.1, 0.0, False, "K", 0.0, (0.0, 0.0), kin
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (PLAIN, "T1 would have to be wrong by +3.1 K, 10 times its accuracy of 0.3 K"),
+        (PLAIN, "T1 would need an error of +3.1 K, 10 times its accuracy of 0.3 K"),
         (
             replace(PLAIN, path="ROOM error", kind="shared", value=-6.0),
-            "ROOM would have to be wrong by -6 K, 20 times its accuracy of 0.3 K",
+            "ROOM would need an error of -6 K, 20 times its accuracy of 0.3 K",
         ),
         (
             replace(PLAIN, path="P error", kind="shared", value=1.5, unit="1", prior=(1.0, 0.01)),
-            "P would have to be wrong by +50 %, 50 times its accuracy of 1 %",
+            "P would need an error of +50 %, 50 times its accuracy of 1 %",
         ),
         (
             replace(PLAIN, path="lag of T1", kind="instrument", value=200.0, unit="s", log=True, prior=(2.302585, 0.1)),
-            "lag of T1 would have to be 200 s, 30 deviations from what is stated",
+            "lag of T1 would need to be 200 s, 30 standard deviations from the stated value",
         ),
         (
             replace(PLAIN, path="skin.htc", kind="parameter", value=12.0, unit="W/(m^2 K)", prior=(6.0, 0.5)),
-            "skin.htc would have to be 12 W/(m^2 K), 12 standard standard standard standard deviations from its prior:",
+            "skin.htc would need to be 12 W/(m^2 K), 12 standard deviations from its prior",
         ),
     ],
 )

@@ -167,7 +167,7 @@ def test_of_a_kind_that_was_fitted_the_fit_has_followed_a_part(deviating: Calibr
 def test_a_single_kind_says_nothing_of_itself_and_the_prior_decides_of_others() -> None:
     fit = fitted(["one"], 0.0)
     known = seen(fit)
-    assert "Only the prior of" in known.words
+    assert "one kind of run (1 records), too few for an estimate: the prior of 10 % is used" in known.words
     assert 0.05 < known.size("coefficient") < 0.15
     run = {"boundaries": {"air": "20 [degC]"}, "start": "20 [degC]", "duration": "3 [h]"}
     same = td.predict(fit, td.Scenario("same", loads={"heat": "4 [W]", "other": "0 [W]"}, **run))

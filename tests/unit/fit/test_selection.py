@@ -95,7 +95,8 @@ class TestRanges:
 
     def test_bounds_that_the_author_assumed_are_no_prior(self) -> None:
         with pytest.raises(
-            IdentificationError, match=r"\. Log temperatures while a power changes, at least twice for the rate; or fix the rate"
+            IdentificationError,
+            match=r"the range of 'skin\.effective_htc' is not a prior: its source is not stated, so min and max only bound the search\.",
         ):
             td.calibrate(box(), log(box(), {}, {"A": "case"}, samples=31), [HTC], priors={HTC: "range"})
 

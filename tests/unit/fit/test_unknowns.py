@@ -86,7 +86,7 @@ class TestNames:
             calibrate(box(), record, ["case.mas"])
 
     def test_a_derived_value_names_what_to_free_instead(self, record: Record) -> None:
-        with pytest.raises(DeckError, match=r"'heat\.power' is derived: 2\*power\. Free one of power instead"):
+        with pytest.raises(DeckError, match=r"'heat\.power' is derived from other values: 2\*power\. Free one of power instead"):
             calibrate(box({"loads/heat/power": "2*power"}), record, ["heat.power"])
 
     def test_a_bare_name_is_followed_to_its_value(self, record: Record) -> None:
@@ -161,7 +161,7 @@ class TestTies:
         found = calibrate(stack, data, ["a.case.mass", "a.skin.effective_htc"])
         assert found["a.case.mass"].also == ()
         assert found["a.case.mass"].value == pytest.approx(1.2, abs=4 * found["a.case.mass"].error)
-        assert "cut from its twins: b" in str(found)
+        assert "cut from the other instances of its deck: b" in str(found)
         both = calibrate(pair(), data, ["a.case.mass"])
         assert both["a.case.mass"].also == ("b.case.mass",)
         assert "a.case.mass: shares its value with b.case.mass" in str(both)

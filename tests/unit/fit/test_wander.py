@@ -72,8 +72,8 @@ def test_as_they_were_the_errors_would_be_three_times_too_small() -> None:
     assert told.samples == 301
     # 18000 s hold n_eff = n / (1 + 2 sum rho) of the mean: about 10 of the slow part
     assert 3 < told.effective_samples < 40
-    assert any("worth" in w and "the errors were widened accordingly" in w for w in found.warnings)
-    assert "independent samples" in str(found)
+    assert any("The effective sample size is" in w and "of 301, and the errors were widened accordingly" in w for w in found.warnings)
+    assert "residuals white: no (lag-1 0.82), effective sample size 4\n" in str(found)
 
 
 def test_slow_directions_widen_more_than_fast_ones() -> None:

@@ -114,7 +114,7 @@ def test_a_steady_state_that_nobody_reads_or_that_is_none_is_refused() -> None:
         _ = td.interop.equations(td.load_model(DECKS / "m_Sd.toml")).steady
     alone = {"title": "pair", "nodes": {"a": {"capacitance": "1 [J/K]"}, "b": {"capacitance": "1 [J/K]"}}}
     alone["conductors"] = {"ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "1 [W/K]"}}
-    with pytest.raises(td.ThermidError, match="there is no steady state: a part has no path to a boundary"):
+    with pytest.raises(td.ThermidError, match="no steady state exists: a part has no path to a boundary"):
         _ = td.interop.equations(td.model_from_dict(alone)).steady
 
 

@@ -66,7 +66,7 @@ BACK = "Sort the log, or read its parts as separate records."
         ),
         ("t,T1\n0,20\n,21\n2,22\n", "bench.csv:3, column 't': this line has no time. Remove it, or correct the log."),
         ("t,T1\n0,20\nx,21\n2,22\n", "bench.csv:3, column 't': 'x' is text; the lines above it have times in numbers."),
-        ("t,T1\n0,20\ninf,21\n", "bench.csv:3, column 't': 'inf' is no time."),
+        ("t,T1\n0,20\ninf,21\n", "bench.csv:3, column 't': 'inf' is not a time."),
         ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples with one time stamp; a record needs at least two times."),
         (
             "time,T1\nday 24 10:00,20\nday 24 10:01,21\n",

@@ -71,7 +71,7 @@ def test_a_deck_with_a_part(decks: Decks) -> None:
         ('box = "purple"\n' + BOX, "main.toml:1, box: input should be 'white', 'light grey', 'dark grey' or 'black'."),
         (
             BOX + '[conductors]\nc = { kind = "conducton", between = ["case", "air"] }\n',
-            "main.toml:14, conductors.c.kind: 'conducton' is not one of conduction, contact,",
+            "main.toml:14, conductors.c.kind: 'conducton' is none of conduction, contact,",
         ),
         (
             BOX + '[conductors]\nc = { kind = "conduction", between = ["case"] }\n',

@@ -135,6 +135,7 @@ def test_mistakes_in_a_question_are_named(old: str, new: str, words: str, folder
 def command(*words: object) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["thermid", *map(str, words)])
+        patch.setattr("thermid.cli.screen.PATIENCE", 0.0)  # progress is told however fast the machine is
         with pytest.raises(SystemExit) as left:
             main()
     return int(left.value.code or 0)

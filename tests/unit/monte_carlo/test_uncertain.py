@@ -256,7 +256,7 @@ def test_no_cluster_answers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "joblib", None)
-    with pytest.raises(td.ThermidError, match=r"needs joblib, which is not installed"):
+    with pytest.raises(td.ThermidError, match=r"needs 'joblib', which is not installed\. Install with: .*pip install joblib"):
         runs(workers=2)
 
 

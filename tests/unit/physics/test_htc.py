@@ -69,9 +69,9 @@ def test_a_low_coefficient_is_not_explained_by_what_lies_inside() -> None:
     assert "below convection alone. Radiation and heat through mounts would raise it" in first
     assert ". Resistance between source and surface cannot lower it, because" in first
     assert "the area would need to be 32 % of 0.082241 m^2" in second
-    assert ", or the power 6.67 W in place of 2.168 W" in second
+    assert ", or the power 6.67 W instead of 2.168 W" in second
     whole = next(r for r in box().remarks if r.startswith("to agree"))
-    assert "the area would have to be 47 % of 0.082241 m^2" in whole
+    assert "the area would need to be 47 % of 0.082241 m^2" in whole
 
 
 def test_a_high_coefficient_can_be_radiation_or_mounts() -> None:
@@ -109,7 +109,7 @@ def test_it_prints() -> None:
         "theoretical     6.798 W/(m^2 K)   vertical plate, laminar (Churchill and Chu; Eq. 7)   Ra 1.658e+04",
         "radiation       1.896 W/(m^2 K)   at the emissivity given",
         "Biot number   0.00042 at the effective, 0.0013 at the theoretical coefficient   case",
-        "time constant  3895.9 s   m c/(h A); the settling time means 3909 s (2606 to 4601 s for 99.9 to 98 %)",
+        "time constant  3895.9 s   m c/(h A); the settling time corresponds to 3909 s (2606 to 4601 s for 99.9 to 98 %)",
     ]
 
 

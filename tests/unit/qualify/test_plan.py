@@ -42,9 +42,17 @@ from unit.qualify.project import PLAN, measured, project, with_log
             NameNotFoundError,
             "'T_PROX' is excluded, but is not a sensor",
         ),
-        (PLAN.replace('"5 [h]", "6 [h]"', '"6 [h]", "5 [h]"'), DeckError, "a settled stretch is a pair of times, the earlier first"),
-        (PLAN.replace("[exclusions]", '[validity]\npower = ["3 [W]"]\n[exclusions]'), DeckError, "is a pair, lowest first"),
-        (PLAN.replace("[exclusions]", '[validity]\npower = ["3 [W]", "1 [W]"]\n[exclusions]'), DeckError, "is a pair, lowest first"),
+        (PLAN.replace('"5 [h]", "6 [h]"', '"6 [h]", "5 [h]"'), DeckError, "give a steady period as a pair of times, the earlier first"),
+        (
+            PLAN.replace("[exclusions]", '[validity]\npower = ["3 [W]"]\n[exclusions]'),
+            DeckError,
+            "give the range of the calibration as a pair, lowest first",
+        ),
+        (
+            PLAN.replace("[exclusions]", '[validity]\npower = ["3 [W]", "1 [W]"]\n[exclusions]'),
+            DeckError,
+            "give the range of the calibration as a pair, lowest first",
+        ),
         (PLAN.replace('kind = "on-board"', 'kind = "on-board"\nstate = "waived"'), DeckError, "is waived without a reason"),
         (PLAN.replace("[exclusions]", '[margins]\npolicy = "SMC"\n[exclusions]'), NameNotFoundError, "no margin policy 'SMC'"),
     ],
@@ -108,7 +116,9 @@ def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
 def test_a_damaged_lock_is_no_fresh_start(tmp_path: Path) -> None:
     file = project(tmp_path)
     file.with_suffix(".lock.json").write_text("{", encoding="utf-8")
-    with pytest.raises(DeckError, match=r"the lock of the plan is damaged\."):
+    with pytest.raises(
+        DeckError, match=r"it is no lock of a plan any more\. Take it from the version control; a new one would forget the looks\."
+    ):
         lock_status(load_plan(file))
 
 
@@ -219,10 +229,12 @@ def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Pa
     measured(tmp_path)
     file = project(tmp_path, with_log(PLAN))
     lock_plan(load_plan(file))
-    assert not [r for r in run_plan(file)["hot"].remarks if "looked at" in r]
+    assert not [r for r in run_plan(file)["hot"].remarks if "was first read" in r]
     measured(tmp_path, offset=0.2)
     assert [
-        r for r in run_plan(file)["hot"].remarks if "is not the one that was first looked at" in r and "state in its deviations what" in r
+        r
+        for r in run_plan(file)["hot"].remarks
+        if "its log differs from the one that was first read, on " in r and "state in its deviations what" in r
     ]
     project(tmp_path, with_log(PLAN, deviations='["calibration of the logger applied"]'))
     assert [r for r in run_plan(file)["hot"].remarks if r.endswith("see its deviations")]

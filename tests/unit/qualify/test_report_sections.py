@@ -55,7 +55,7 @@ SECTIONS = {
     "Boundaries, power, heater duty, heat leaks": ["40.0 .. 40.0", "ROOM", "scale.cpu ± 3 %", "cable, 0.1 W", "cpu"],
     "Stabilisation": ["as measured", "3 C/h", "read", "drift, K/h"],
     "Pre-test predictions and measurements": ["T_ELE", "±", "outside 95 %"],
-    "Heat flows and energy balance": ["what does not add up", "kJ", "out"],
+    "Heat flows and energy balance": ["residual: ", "of it", "kJ", "out"],
     "Parameter changes": ["Nothing was fitted."],
     "Deviations after correlation": ["mean, K", "spread, K", "largest, K", "outside", "2 of 2"],
     "Transient overlays": ["measured less simulated", "sensor, 95 %"],
@@ -69,7 +69,7 @@ SECTIONS = {
         "bench",
         ": not given for this test",
     ],
-    "What is assumed, by its effect": ["out.conductance", "four screws", "moves by, K"],
+    "Assumed values by their effect": ["out.conductance", "four screws", "moves by, K"],
     "Model delivery": [
         "identity",
         "nodes, conductors, loads",

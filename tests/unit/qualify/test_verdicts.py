@@ -230,7 +230,7 @@ def test_a_rule_on_stored_heat_needs_every_node_measured(tmp_path: Path) -> None
     """The plate has no sensor: that the stretch is settled cannot be told, with the reason; with one it is told."""
     measured(tmp_path)
     hot, _ = tried(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
-    assert [r for r in hot.remarks if "settled cannot be separated" in r and "'plate' is not measured (60 % of the capacitance)" in r]
+    assert [r for r in hot.remarks if "its steadiness cannot be judged" in r and "'plate' is not measured (60 % of the capacitance)" in r]
     deck = td.model_from_dict({**UNIT, "nodes": {k: v for k, v in UNIT["nodes"].items() if k != "plate"}, "conductors": BARE})
     measured(tmp_path, deck)
     file = project(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')

@@ -96,7 +96,10 @@ def test_synthetic_data_raise_a_banner_and_measured_ones_do_not(page: Page, meas
         measured,
         verdicts=(replace(measured.verdicts[0], prediction=replace(measured.verdicts[0].prediction, experiments=(), synthetic=True)),),
     )
-    assert "1 of 3 records were made, not measured: held out." in Page(report(half, to=tmp_path / "h.html")).text
+    assert (
+        "1 of 3 records are synthetic: held out. Results from them are not evidence about real hardware."
+        in Page(report(half, to=tmp_path / "h.html")).text
+    )
 
 
 def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Campaign, tmp_path: Path) -> None:

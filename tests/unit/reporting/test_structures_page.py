@@ -19,7 +19,7 @@ CURVE = td.reporting.Structure(
 LIKELY = td.reporting.Structure(
     "likely", "two of all", 9, 800.0, 0.0, 0.0, {"T": 0.2}, {"T": {"a": 0.6, "b": 0.7}}, doubts=("tau = 57 s, outside 5 .. 40",)
 )
-REFUSED = td.reporting.Structure("walls", "and walls", 9, refused="'wall' and 'room' apart. cannot be separated by")
+REFUSED = td.reporting.Structure("walls", "and walls", 9, refused="'wall' and 'room' cannot be separated by these data.")
 ALL = (PLAIN, LAG, CURVE, LIKELY, REFUSED)
 
 
@@ -37,7 +37,7 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
         "Refused, because these runs do not determine its parameters: walls.",
         "Because I say so.",
         "Real logs.",
-        "the data cannot tell &#39;wall&#39; and &#39;room&#39; apart.",
+        "&#39;wall&#39; and &#39;room&#39; cannot be separated by these data.",
         "two &lt;masses&gt;",
     ):
         assert words in page, words

@@ -97,7 +97,10 @@ def test_a_plate_that_takes_hours_comes_back_after_minutes() -> None:
 
 WRONG = {
     "longer than the run": ({"duration": "30 [min]", "start": "periodic"}, "Extend the run to at least one period"),
-    "nothing changes": ({"boundaries": {"air": "20 [degC]", "base": "15 [degC]"}, "commands": {}, "start": "periodic"}, "needs inputs that change in time, and none does"),
+    "nothing changes": (
+        {"boundaries": {"air": "20 [degC]", "base": "15 [degC]"}, "commands": {}, "start": "periodic"},
+        "needs inputs that change in time, and none does",
+    ),
     "after the end": ({"start": "steady, 2 [h]"}, "after the end of the run"),
     "no period": (
         {

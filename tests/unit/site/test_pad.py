@@ -222,7 +222,7 @@ calm = "4 [W/(m^2 K)]"
         ("[site]\nlatitude = -2.3\n", "pad.toml:1, site.longitude: is missing"),
         ("[site]\nlatitude = 123\nlongitude = 0\n", "latitude of 123 degrees is not on earth"),
         ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "'dirct' is not a field here. Did you mean 'direct'"),
-        ("[weather]\nfile = 'weather.csv'\n", "where is it\\? Give a Site"),
+        ("[weather]\nfile = 'weather.csv'\n", "the place is missing\\. Give a Site with latitude and longitude"),
     ],
 )
 def test_mistakes_in_a_file_are_named(tmp_path: Path, weather: td.site.Weather, text: str, words: str) -> None:

@@ -63,7 +63,7 @@ def test_a_campaign_is_run_kept_and_found_again(folder: Path) -> None:
 def test_a_folder_is_answered_with_what_lies_in_it(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(DeckError, match=r"a folder is not a deck or campaign\. Give a file in it: .*campaign\.toml"):
         Project(folder)
-    with pytest.raises(DeckError, match=r"there are: none"):
+    with pytest.raises(DeckError, match=r"a folder is not a deck or campaign\. Give a file in it: none\."):
         Project(tmp_path)
 
 

@@ -287,9 +287,9 @@ class _Draft:
 
 def _library() -> Path:
     """Return the library that runs models of FMUs on this platform."""
-    found = Path(_kernel.__file__).with_name(f"_kernel_fmu{_ENDING}")
+    found = Path(_kernel.__file__).with_name("_fmu") / f"_kernel_fmu{_ENDING}"
     if not found.is_file():
-        raise ThermidError(f"this installation has no library for FMUs: {found.name} is missing next to the kernel. Reinstall thermid.")
+        raise ThermidError(f"this installation has no library for FMUs: {found.name} is missing beside the kernel. Reinstall thermid.")
     return found
 
 

@@ -72,12 +72,7 @@ def read_record(
     Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
     'not a number'.
     """
-    for word, given in (("channels", channels), ("noise", noise or {}), ("accuracy", accuracy or {}), ("units", units or {})):
-        if not isinstance(given, Mapping):
-            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path))
-    for channel, unit_text in (units or {}).items():
-        if not isinstance(unit_text, str):
-            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}")
+    _check_tables(path, channels=channels, noise=noise or {}, accuracy=accuracy or {}, units=units or {})
     cells = log_cells(_path(path), separator)
     clock_at = clock_column(cells, time)
     time_unit, given = clock_at.unit, dict(units or {})
@@ -110,6 +105,16 @@ def read_record(
         except RecordError as error:
             raise RecordError(error.message, cells.where(None, each.column)) from None
     return Record(name or stem.rpartition(".")[0] or stem, times, {each.name: each for each in made}, origin, tuple(notes))
+
+
+def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
+    """Refuse arguments that are no dictionaries, and units that are no texts."""
+    for word, given in tables.items():
+        if not isinstance(given, Mapping):
+            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path))
+    for channel, unit_text in tables["units"].items():
+        if not isinstance(unit_text, str):
+            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}")
 
 
 def _path(path: str | Path) -> Path:
