@@ -134,7 +134,9 @@ class Result:
             axes = new_axes()
         if not traces:
             shown = rows[:ROWS]
-            axes.barh([_cell(row.get(label)) if label else str(k) for k, row in enumerate(shown)], [_number(row.get(number)) for row in shown])
+            axes.barh(
+                [_cell(row.get(label)) if label else str(k) for k, row in enumerate(shown)], [_number(row.get(number)) for row in shown]
+            )
             axes.invert_yaxis()
             axes.set_xlabel(number)
             return axes
