@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -99,6 +100,14 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
 
 
 REFERENCE = {"VanDerPol": ("mu", 2.3, "x0", 20.0), "Dahlquist": ("k", 1.7, "x", 3.0)}
+SHA256 = {
+    "src/fmi3Functions.c": "d7f76396fc85483d917440575c684ea959f6ee56f2d56e699cfaf81c2d0ac919",
+    "src/cosimulation.c": "85eae5983fd4bc80877523fd6b4df8928321505bd9442819ea247d840341c5e6",
+    "VanDerPol/model.c": "89305fea3c1d3a00974333597e8f11686900826285a1aabf7ce9178a03e7405b",
+    "Dahlquist/model.c": "03a9c8be25b831cece9456f2c25fa576674f12c069c291fba2fdc56bfbeba820",
+    "VanDerPol/FMI3.xml": "5cf6b636526dff628c6f9492e333b65d9850ee4737e37705409d1b88585bcec6",
+    "Dahlquist/FMI3.xml": "c5411c49e51c73be8566cee2217472368815f9e5cb1ae9b81f56f08104cb1b9d",
+}
 
 
 @pytest.mark.parametrize("name", REFERENCE)
@@ -107,12 +116,14 @@ def test_a_reference_fmu(name: str, tmp_path: Path) -> None:
     root = Path(os.environ.get("THERMID_PUBLIC", "/nowhere")) / "modelica" / "Reference-FMUs"
     if not (root / name).is_dir() or shutil.which("cc") is None:
         pytest.skip("modelica/Reference-FMUs is not under THERMID_PUBLIC, or there is no C compiler")
+    for file in ("src/fmi3Functions.c", "src/cosimulation.c", f"{name}/model.c", f"{name}/FMI3.xml"):
+        assert hashlib.sha256((root / file).read_bytes()).hexdigest() == SHA256[file]
     library = tmp_path / f"{name}.so"
     files = [root / "src" / "fmi3Functions.c", root / "src" / "cosimulation.c", root / name / "model.c"]
     flags = ["-DFMI_VERSION=3", "-DDISABLE_PREFIX", f'-DMODEL_IDENTIFIER="{name}"', f"-I{root / 'include'}", f"-I{root / name}"]
     subprocess.run(["cc", "-shared", "-fPIC", "-w", *flags, "-o", library, *files, "-lm"], check=True)
-    file = tmp_path / f"{name}.fmu"
-    with zipfile.ZipFile(file, "w") as packed:
+    packed_file = tmp_path / f"{name}.fmu"
+    with zipfile.ZipFile(packed_file, "w") as packed:
         packed.write(root / name / "FMI3.xml", "modelDescription.xml")
         packed.write(library, f"binaries/x86_64-linux/{name}.so")
     parameter, truth, output, end = REFERENCE[name]
@@ -120,9 +131,9 @@ def test_a_reference_fmu(name: str, tmp_path: Path) -> None:
 
     times = np.linspace(0.0, end, 101)
     exact = fmpy.simulate_fmu(
-        str(file), fmi_type="CoSimulation", stop_time=end, output_interval=times[1], start_values={parameter: truth}, output=[output]
+        str(packed_file), fmi_type="CoSimulation", stop_time=end, output_interval=times[1], start_values={parameter: truth}, output=[output]
     )
     readings = exact[output] + 0.02 * np.random.default_rng(3).standard_normal(101)
-    fit = calibrate_fmu(file, times, {output: readings}, {output: 0.02}, {parameter: (0.2, 5.0)})
+    fit = calibrate_fmu(packed_file, times, {output: readings}, {output: 0.02}, {parameter: (0.2, 5.0)})
     assert abs(fit.values[parameter] - truth) < 2.0 * fit.errors[parameter]
     assert fit.errors[parameter] < 0.05 * truth
