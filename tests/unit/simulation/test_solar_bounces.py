@@ -141,7 +141,7 @@ def test_random_cavities_close() -> None:
 
 
 def test_what_has_no_reflection_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match=r"'wall', on which falls what is reflected there, has no absorptance"):
+    with pytest.raises(td.ThermidError, match=r"'floor' is in the sun and reflects it to 'wall' in 'box', which has no absorptance"):
         td.simulate(cavity((0.3, None, 0.9)), lit("floor"))
     with pytest.raises(td.ThermidError, match="goes round for ever"):
         td.simulate(cavity((0.0, 0.0, 0.0), rest=False), lit("floor"))
