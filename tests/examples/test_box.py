@@ -63,7 +63,7 @@ MISTAKES = {
     "an area in square metres": ("parts.csv", "3.2, 5.3", "3.2, 5.3 [m^2]", "'u1.top.area' is 5.3 [m^2]"),
     "a zone that is not there": ("parts.csv", "u5, QFN32, zone_1_3", "u5, QFN32, zone_1_4", "zone_1_4"),
     "a unit of another kind": ("parts.csv", "theta_JB [K/W]", "theta_JB [W/K]", "parts.csv:3"),
-    "a part twice": ("parts.csv", "u9, SO8", "u8, SO8", "It is defined at"),
+    "a part twice": ("parts.csv", "u9, SO8", "u8, SO8", "It is defined at parts.csv:10 too"),
     "a part without its board resistance": ("parts.csv", "90, 110, 0.04", "90, 0.04", "parts.csv:17: the line has 6 cells for 7 columns"),
     "an emissivity in per cent": (
         "box.toml",

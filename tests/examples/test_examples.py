@@ -81,7 +81,7 @@ def test_03_calibrate(copy: Path) -> None:
     value, error = stated("area", said)
     assert abs(value - 0.0044) < 2.5 * error
     assert "(synthetic data)" in said
-    assert "cannot be separated by these data; they act only as a" in said
+    assert "refused: Accelerometer: 'skin.effective_htc' and 'area' cannot be separated by these data; they act only as a product" in said
     assert number(r"known: skin\.effective_htc\*area = (\S+) \+-", said) == pytest.approx(6 * 0.0044, rel=0.03)
 
 

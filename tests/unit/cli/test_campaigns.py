@@ -319,7 +319,7 @@ class TestPowerThatNobodyMeasured:
         changed(campaign, 'free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc", "case.mass", "power"]')
         said = call("calibrate", campaign)
         assert (said.code, said.out) == (4, "")
-        assert "' or give it a prior." in said.err
+        assert "Without a measured power only ratios can be fitted: fix 'power' or give it a prior." in said.err
         assert "power/skin.effective_htc to about" in said.err
         told = call("identify", campaign, "--stage", "box")
         assert told.code == 0

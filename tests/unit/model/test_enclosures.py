@@ -159,7 +159,7 @@ def test_faults_of_shapes(shape: str, dimensions: dict[str, str], rest: str | No
         ({"effective_htc": "5 [W/(m^2 K)]"}, r"its effective_htc includes radiation already"),
         ({"emissivity": None, "htc": "5 [W/(m^2 K)]"}, r"it has no emissivity"),
         ({"radiates_to": "wall"}, "'a_skin' radiates to 'wall' and in the"),
-        ({"emissivity": "0"}, r"the emissivity of '"),
+        ({"emissivity": "0"}, r"the emissivity of 'a_skin' is 0\. In an enclosure it must be above 0, up to 1\."),
         ({"emissivity": "1.2"}, r"the emissivity of 'a_skin' is 1\.2\."),
     ],
 )

@@ -122,7 +122,7 @@ def test_contact_from_pressure_hardness_and_finish() -> None:
     [
         ({"kind": "gas", "area": "1 [m^2]", "gap": "0 [mm]"}, "a gap needs a distance above zero"),
         ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "the accommodation coefficient is 1.2."),
-        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "gas": "neon"}, "unknown gas 'neon'."),
+        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "gas": "neon"}, "unknown gas 'neon'. Known: air, N2"),
         ({"kind": "gas", "area": "1 [m^2]"}, "needs area and gap"),
         ({"kind": "conduction", "conductance": "1 [W/K]", "gas": "air"}, "a conductor of kind 'conduction' has no gas"),
     ],

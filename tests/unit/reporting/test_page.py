@@ -88,7 +88,8 @@ def test_sections_stand_in_order(page: Page) -> None:
 
 
 def test_synthetic_data_raise_a_banner_and_measured_ones_do_not(page: Page, measured: Campaign, tmp_path: Path) -> None:
-    assert "All 3 records are synthetic" in page.text
+    assert "SYNTHETIC DATA" in page.text
+    assert "All 3 records are synthetic: alone, together, held out. Results from them are not evidence about real hardware." in page.text
     assert page.source.index("SYNTHETIC DATA") < page.source.index('id="verdicts"')
     clean = Page(report(measured, to=tmp_path / "m.html"))
     assert "SYNTHETIC" not in clean.text
