@@ -124,7 +124,7 @@ def test_fahrenheit_sign_is_the_scale() -> None:
         ("BTU/(h ft^2 degF)", r"multiplies or divides the scale degF.*Write degR"),
         ("W/degC", r"Write K"),
         ("Wat", r"'\[Wat\]' is not a known unit\. Did you mean 'atm'\?"),
-        ("W/(m^2 k K", r"'\[W/\(m\^2 k K\]' is not a known unit\."),
+        ("W/(m^2 k K", r"'\[W/\(m\^2 k K\]' is not a known unit\. Did you mean 'W/\(m\^2 K\)'\?"),
         ("m^", r"'\[m\^\]' is not a known unit\."),
         ("dBm", r"'\[dBm\]' is not a known unit\."),
         ("mol", r"a dimension that does not occur in a thermal network: \[substance\]"),

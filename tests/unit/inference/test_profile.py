@@ -108,7 +108,7 @@ class TestPictures:
 
 
 def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tmp_path: Path) -> None:
-    with pytest.raises(ThermidError, match=r"a level of 95 is not a probability\."):
+    with pytest.raises(ThermidError, match=r"a level of 95 is not a probability\. Give one between 0 and 1, such as 0\.95\."):
         td.inference.profile(known, HTC, level=95)
     with pytest.raises(ThermidError, match="was given twice"):
         td.inference.valley(known, HTC, HTC)

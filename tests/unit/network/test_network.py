@@ -311,7 +311,7 @@ def test_one_gas_is_not_the_other() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"humidity": 1.2}, r"the relative humidity is 1\.2\."),
+        ({"humidity": 1.2}, r"the relative humidity is 1\.2\. Give 0 to 1\."),
         ({"humidity": -0.1}, r"the relative humidity is -0\.1\."),
         ({"humidity": float("nan")}, r"the relative humidity is nan\."),
         ({"pressure": Constant(-1.0)}, "the pressure is below zero. Give 0 or more."),

@@ -327,7 +327,7 @@ def test_a_reduced_deck_keeps_the_fluid() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"fluid": "aire"}, r"'aire' is not a known fluid\."),
+        ({"fluid": "aire"}, r"'aire' is not a known fluid\. Did you mean 'air'"),
         ({"density": "1.2 [kg/m^3]"}, r"the density of air follows from its pressure and temperature: leave density out"),
         ({"fluid": "liquid"}, r"a stream of liquid needs volume_flow and density and specific_heat, or mass_flow and specific_heat"),
         ({"fluid": ""}, "a stream without a fluid needs volume_flow and density and"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -101,7 +102,7 @@ def describe(what: Described, variables: Sequence[FmuVariable], version: str) ->
     return _Third(what, variables).xml() if version == "3.0" else _Second(what, variables).xml()
 
 
-class _Description:
+class _Description(ABC):
     """What both versions share."""
 
     def __init__(self, what: Described, variables: Sequence[FmuVariable]) -> None:
@@ -154,8 +155,9 @@ class _Description:
         Xml.indent(root)
         return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
 
+    @abstractmethod
     def tree(self) -> Xml.Element:
-        raise NotImplementedError
+        """Return the root of the description."""
 
     def head(self, **more: str) -> dict[str, str]:
         text = self.what.text
