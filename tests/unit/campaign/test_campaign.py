@@ -169,7 +169,7 @@ class TestInheritance:
         deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
         both = 'inherit = { a = { stage = "box", as = "prior" }, b = { stage = "box", as = "prior" } }'
         asked, original = [], stages.fit
-        monkeypatch.setattr(stages, "fit", lambda request, *more: asked.append(request) or original(request, *more))
+        monkeypatch.setattr(stages, "fit", lambda request, *more, **how: asked.append(request) or original(request, *more, **how))
         run_stages(changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', both)))
         assert list(asked[1].store.states) == [f"a.{HTC}", f"a.{MASS}", "sensor T_A", f"b.{HTC}", f"b.{MASS}"]
         rows = asked[1].store.rows

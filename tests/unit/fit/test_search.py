@@ -11,11 +11,12 @@ import pytest
 
 import thermid as td
 from thermid.errors import IdentificationError, MissingExtraError
-from thermid.fit import minimisation
-from thermid.fit.minimisation import LOSSES, Population, box_of, evolved
+from thermid.fit import search
+from thermid.fit.minimisation import LOSSES
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.unknowns import Prior, Unknown
+from thermid.fit.search import Population, box_of, evolved
 
 TIMES = np.linspace(0.0, 6000.0, 201)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="6000 [s]")
@@ -99,7 +100,7 @@ class TestValleys:
         def absent(name: str) -> Any:
             raise ImportError(name)
 
-        monkeypatch.setattr(minimisation, "import_module", absent)
+        monkeypatch.setattr(search, "import_module", absent)
         with pytest.raises(MissingExtraError, match=r"needs 'cma', which is not installed.*pip install cma"):
             fitted("cma")
         with pytest.raises(MissingExtraError, match=r"needs 'emcee'.*pip install emcee"):
