@@ -19,6 +19,7 @@ from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues, save_store
 from thermid.measure.amounts import digits, short
+from thermid.memo import Memo
 from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
@@ -144,6 +145,7 @@ class Calibration(Renamed, Result):
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
     store : Store               Everything known of the model's values, at every depth.
+    memo : Memo                 What was worked out of it.
     """
 
     stage: str
@@ -173,6 +175,7 @@ class Calibration(Renamed, Result):
     own: Standing = UNJUDGED
     rests: Mapping[str, Standing] = field(default_factory=dict)
     verdict: Standing | None = None
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property
     def standing(self) -> Standing:
@@ -188,7 +191,7 @@ class Calibration(Renamed, Result):
     @property
     def fitted_model(self) -> Model:
         """The model with the fitted values laid over it."""
-        return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
+        return self.memo.made("fitted model", lambda: self.model.with_values(self.values.assignments, f"stage '{self.stage}'"))
 
     @property
     def instrument_errors(self) -> dict[str, float]:

@@ -23,7 +23,7 @@ from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.controls import COMPLEMENT
 from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import exposed_area
-from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, streams_of, unclosed
 from thermid.model.tree.model import Model
 from thermid.network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.network.irradiation import absorbers
@@ -112,7 +112,12 @@ class Network:
     @property
     def streams(self) -> Streams:
         """The streams of gas, at the model's own values."""
-        return self.memo.made("streams", lambda: Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media))
+        return self.memo.made("streams", self._streams)
+
+    def _streams(self) -> Streams:
+        if not streams_of(self.flat.conductors):
+            return Streams((), {}, {}, {}, self.media)
+        return Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media)
 
     def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:
         """Return the rows at the model's own values, or with some replaced.
@@ -230,7 +235,7 @@ class Network:
             raise DeckError(f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.", c.where)
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
-        if c.path in self.streams:
+        if c.kind == "flow" and c.path in self.streams:
             return _both_ways(c, replace(self.streams.row(c, laws[0]), controls=c.controls))
         with errors_at(c.where):
             laws = tuple(piece for law in laws for piece in law.pieces())

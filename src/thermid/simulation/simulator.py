@@ -17,6 +17,7 @@ from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Distribution
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, literal
+from thermid.model.tree.flat import streams_of
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.medium import gas_remarks
@@ -335,7 +336,8 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
-    out += wiring.network.streams.remarks(scenario.seconds)
+    if streams_of(wiring.network.flat.conductors):
+        out += wiring.network.streams.remarks(scenario.seconds)
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"
