@@ -131,8 +131,8 @@ class ControlRow:
                 continue
             if guard.delay != FREE:
                 return guard.after
-            excess = sum(number(place) * at(node) for node, place in guard.nodes)
-            if guard.sign * (excess - number(guard.level)) >= 0.0:
+            reading = sum(number(place) * at(node) for node, place in guard.nodes)
+            if guard.sign * (reading - number(guard.level)) >= 0.0:
                 return guard.after
         return None
 

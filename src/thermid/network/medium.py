@@ -225,33 +225,33 @@ def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]
     """
     area, distance, share, factor = law.coefficients
     gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
-    here_state = GasState(gas, state.pressure, state.natural, key=state.key)
+    inside = GasState(gas, state.pressure, state.natural, key=state.key)
     molecular = area * (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0)
-    still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, here_state)
+    still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, inside)
     if "tilt" not in c.words:
         return (still,)
-    anchored = gas.at(ANCHOR)
-    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(anchored.prandtl))
+    fluid = gas.at(ANCHOR)
+    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(fluid.prandtl))
     curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
-    buoyancy = STANDARD_GRAVITY * float(anchored.expansion_at(ANCHOR) / (anchored.kinematic_viscosity * anchored.thermal_diffusivity()))
-    root = buoyancy**0.25 * distance**0.75 * here_state.natural
+    buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
+    root = buoyancy**0.25 * distance**0.75 * inside.natural
     moving = Law("natural", (factor * area * gas.k(ANCHOR) / distance, root))
-    return still, ConductorRow(c.path, c.ends, moving, curve, "", here_state.named("natural"))
+    return still, ConductorRow(c.path, c.ends, moving, curve, "", inside.named("natural"))
 
 
 def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
     """Return the rows of a surface with a correlation: gas at rest, and what natural convection and wind add to it."""
     area, length = law.coefficients
-    gas, anchored = state.gas, state.gas.at(ANCHOR)
+    gas, fluid = state.gas, state.gas.at(ANCHOR)
     name, orientation = c.words.get("htc.correlation", ""), c.words.get("htc.orientation", "vertical")
-    prandtl = float(anchored.prandtl)
+    prandtl = float(fluid.prandtl)
     scale = gas.k(ANCHOR) / length * area
-    buoyancy = STANDARD_GRAVITY * float(anchored.expansion_at(ANCHOR) / (anchored.kinematic_viscosity * anchored.thermal_diffusivity()))
+    buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
     root = buoyancy**0.25 * length**0.75 * state.natural
     moving = []
     for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
         # a stream at another pressure has the Reynolds number of one as much slower
-        forced = float(forced_plate_nusselt(speed * _plain(length) / float(anchored.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
+        forced = float(forced_plate_nusselt(speed * _plain(length) / float(fluid.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
         x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
         film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
@@ -277,11 +277,11 @@ def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
         )
     if state.pressure <= VACUUM_LIMIT or value_of(flux) == 0.0:
         return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
-    gas, anchored = state.gas, state.gas.at(ANCHOR)
+    gas, fluid = state.gas, state.gas.at(ANCHOR)
     if value_of(by_volume):
         flux = flux * (state.pressure / (gas.constant * ROOM))
     reynolds = flux * diameter / float(gas.mu(ANCHOR))
-    nusselt = duct_nusselt(reynolds, float(anchored.prandtl), diameter / length, developed)
+    nusselt = duct_nusselt(reynolds, float(fluid.prandtl), diameter / length, developed)
     htc = nusselt * float(gas.k(ANCHOR)) / diameter
     area = base + (fins * fin_efficiency(slope * htc**0.5) if value_of(fins) else 0.0)
     return ConductorRow(c.path, c.ends, Law("linear", (htc * area,)))

@@ -167,9 +167,9 @@ class Streams:
             gone = self._gone(c.path, end)
             if gone is not None:
                 stopped.setdefault((fluid_of(c), gone), []).append(c)
-        for (fluid, begin), stopped_streams in stopped.items():
-            which, many = quoted([c.path for c in stopped_streams]), len(stopped_streams) > 1
-            empty = [n for n in dict.fromkeys(n for c in stopped_streams for n in self.lines[c.path]) if self._emptied(n, end)]
+        for (fluid, begin), group in stopped.items():
+            which, many = quoted([c.path for c in group]), len(group) > 1
+            empty = [n for n in dict.fromkeys(n for c in group for n in self.lines[c.path]) if self._emptied(n, end)]
             when = f" from {begin:g} s" if begin > 0.0 else ""
             yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}"
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]

@@ -37,13 +37,13 @@ def exchange_areas(factors: Array, areas: Array, emissivities: Array) -> Array:
     0.176
     """
     sent = _sent(areas[:, None] * factors, areas, emissivities)
-    areas_sent = emissivities[:, None] * (areas[:, None] * factors) @ sent
-    return np.asarray(0.5 * (areas_sent + areas_sent.T))
+    exchange = emissivities[:, None] * (areas[:, None] * factors) @ sent
+    return np.asarray(0.5 * (exchange + exchange.T))
 
 
-def _sent(seen_areas: Array, areas: Array, emissivities: Array) -> Array:
+def _sent(area_factors: Array, areas: Array, emissivities: Array) -> Array:
     """Return the radiosity of each face (faces, faces) with one face after the other emitting as one black unit."""
-    return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * seen_areas, np.diag(emissivities * areas)))
+    return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * area_factors, np.diag(emissivities * areas)))
 
 
 def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Sequence[Number]) -> list[list[Number]]:
@@ -103,27 +103,27 @@ def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Seq
 
 def _by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
     """Return d (exchange areas) / d area k, view factors kept."""
-    seen_areas = areas[:, None] * factors
-    sent = _sent(seen_areas, areas, grey)
-    more = np.zeros_like(seen_areas)
+    area_factors = areas[:, None] * factors
+    sent = _sent(area_factors, areas, grey)
+    more = np.zeros_like(area_factors)
     more[k] = factors[k]
-    right = np.zeros_like(seen_areas)
+    right = np.zeros_like(area_factors)
     right[k] = (1.0 - grey[k]) * (factors[k] @ sent) - sent[k]
     right[k, k] += grey[k]
-    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * seen_areas, right)
-    return np.asarray(grey[:, None] * (more @ sent + seen_areas @ change))
+    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * area_factors, right)
+    return np.asarray(grey[:, None] * (more @ sent + area_factors @ change))
 
 
 def _by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
     """Return d (exchange areas) / d emissivity k."""
-    seen_areas = areas[:, None] * factors
-    sent = _sent(seen_areas, areas, grey)
-    right = np.zeros_like(seen_areas)
-    right[k] = -(seen_areas[k] @ sent)
+    area_factors = areas[:, None] * factors
+    sent = _sent(area_factors, areas, grey)
+    right = np.zeros_like(area_factors)
+    right[k] = -(area_factors[k] @ sent)
     right[k, k] += areas[k]
-    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * seen_areas, right)
-    out = grey[:, None] * (seen_areas @ change)
-    out[k] += seen_areas[k] @ sent
+    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * area_factors, right)
+    out = grey[:, None] * (area_factors @ change)
+    out[k] += area_factors[k] @ sent
     return np.asarray(out)
 
 
@@ -145,14 +145,14 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
     if factors.min() < 0.0:
         i, j = np.argwhere(factors < 0.0)[0]
         raise DeckError(f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; it must not be negative.", where)
-    seen_areas = areas[:, None] * factors
-    off = np.abs(seen_areas - seen_areas.T)
-    allowed = RECIPROCITY * np.maximum(seen_areas, seen_areas.T) + 1e-9 * areas.max()
+    shared = areas[:, None] * factors
+    off = np.abs(shared - shared.T)
+    allowed = RECIPROCITY * np.maximum(shared, shared.T) + 1e-9 * areas.max()
     if (off > allowed).any():
         i, j = divmod(int(np.argmax(off - allowed)), len(names))
         raise DeckError(
-            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {seen_areas[i, j]:.5g} m^2 one way and "
-            f"{seen_areas[j, i]:.5g} m^2 the other. Correct a factor or an area.",
+            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {shared[i, j]:.5g} m^2 one way and "
+            f"{shared[j, i]:.5g} m^2 the other. Correct a factor or an area.",
             where,
         )
     sums = factors.sum(axis=1)
