@@ -294,6 +294,8 @@ class _Density:
         rows = np.concatenate([found.rows * scale, priors])
         others = np.setdiff1d(np.arange(x.size), self.at)
         slopes = np.concatenate([found.slopes * scale, prior_slopes])[:, others]
+        # Laplace: the integral of exp(-|r + J d|^2 / 2) over the others is exp(-|r|^2 / 2 + |J d*|^2 / 2) (2 pi)^(m/2) / sqrt(det J'J), d*
+        # the least-squares step (Tierney and Kadane, JASA 81 (1986) 82); `_width` has the factors of 2 pi and of the priors
         out = -0.5 * float(rows @ rows) - self._size()
         if others.size:
             step, *_ = np.linalg.lstsq(slopes, -rows, rcond=None)
