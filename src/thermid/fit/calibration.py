@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -19,7 +20,6 @@ from thermid.fit.uncertainty.noise import Autocorrelation
 from thermid.knowledge.store import State, Store
 from thermid.knowledge.values import FittedValue, FittedValues, save_store
 from thermid.measure.amounts import digits, short
-from thermid.memo import Memo
 from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.identity import cuts_of
 from thermid.model.tree.model import Model
@@ -145,7 +145,6 @@ class Calibration(Renamed, Result):
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
     store : Store               Everything known of the model's values, at every depth.
-    memo : Memo                 What was worked out of it.
     """
 
     stage: str
@@ -175,7 +174,6 @@ class Calibration(Renamed, Result):
     own: Standing = UNJUDGED
     rests: Mapping[str, Standing] = field(default_factory=dict)
     verdict: Standing | None = None
-    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @property
     def standing(self) -> Standing:
@@ -188,10 +186,10 @@ class Calibration(Renamed, Result):
         now = {**rests, f"stage '{self.stage}'": made.standing}
         return replace(made, values=self.values.judged(made.standing), store=self.store.judged(now))
 
-    @property
+    @cached_property
     def fitted_model(self) -> Model:
         """The model with the fitted values laid over it."""
-        return self.memo.made("fitted model", lambda: self.model.with_values(self.values.assignments, f"stage '{self.stage}'"))
+        return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
 
     @property
     def instrument_errors(self) -> dict[str, float]:

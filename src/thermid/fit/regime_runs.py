@@ -22,7 +22,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
 from thermid.fit.uncertainty.noise import stretch_means
-from thermid.linear_algebra import Array, Indices, symmetric_inverse
+from thermid.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.model.laws.signal import Signal, TableSignal
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.model.tree.identity import identity_of
@@ -439,7 +439,7 @@ def _units(run: RegimeRun, responses: Mapping[str, Array], groups: Array) -> dic
     through = np.eye(run.residuals.size) - run.own @ run.follows
     like = run.misfit[:, None] * run.wandering * run.misfit
     # diag(T C T'), T = 1 - F: what wanders, less what the run's own values follow of it
-    out[LEFT] = np.einsum("ij,jk,ik->i", through, like, through)
+    out[LEFT] = quadratic_forms(through, like)
     return out
 
 

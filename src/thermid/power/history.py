@@ -17,7 +17,7 @@ from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
-from thermid.linear_algebra import NOTHING, Array, Bools
+from thermid.linear_algebra import NOTHING, Array, Bools, quadratic_forms
 from thermid.linear_algebra import covariance as information_inverse
 from thermid.measure import Record
 from thermid.measure.amounts import duration_text, short
@@ -103,7 +103,7 @@ class PowerHistory(Result):
     def averaged(self, window: str) -> tuple[Array, Array, Array]:
         """Return the middle of every window [s], its mean power [W] and the standard deviation of that. [W]"""
         middle, weights = self.weights(window)
-        return middle, np.asarray(weights @ self.power), np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", weights, self.covariance, weights)))
+        return middle, np.asarray(weights @ self.power), np.sqrt(quadratic_forms(weights, self.covariance))
 
     @property
     def rmse(self) -> dict[str, float]:
