@@ -72,6 +72,32 @@ def test_one_mass_stays_one_and_what_cannot_be_told_is_said(tmp_path: Path) -> N
     assert made["cannot_tell"] in ([], [1, 2])
 
 
+@pytest.mark.parametrize(("code", "words"), [("-127", "sensor lost (-127)"), ("9999", "far from all other readings (9999)")])
+def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path, code: str, words: str) -> None:
+    log = bench(tmp_path / "test.csv")
+    rows = log.read_text().splitlines()
+    for k in (40, 41, 170):
+        t, _, air, watts = rows[k].split(",")
+        rows[k] = f"{t},{code},{air},{watts}"
+    log.write_text("\n".join(rows) + "\n")
+    found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--name", "plate"])
+    assert found.output.split("\n")[:2] == ["2 masses: 1 measured, 1 hidden; RMSE 0.0457 K.", f"T_plate_C: 3 readings masked: {words}"]
+    assert f"# T_plate_C: 3 readings masked: {words}; empty in the logs" in (tmp_path / "p" / "campaign.toml").read_text()
+    assert run("check", str(tmp_path / "p" / "campaign.toml"))["findings"] == []
+    raw = tmp_path / "p" / "raw.toml"
+    raw.write_text(
+        'title = "raw"\n[records.t]\nfile = "../test.csv"\n[records.t.channels]\nT_plate_C = { node = "plate" }\n'
+        'T_room_C = { boundary = "surroundings" }\nP_heater_W = { load = "heat_heater" }\n'
+        '[[stages]]\nname = "a"\nmodel = "plate.toml"\nrecords = ["t"]\nfree = ["plate.capacitance"]\n'
+    )
+    (finding,) = run("check", str(raw))["findings"]
+    assert finding["severity"] == "warning"
+    assert f"readings of 'T_plate_C' in 't' are no temperatures: {words}. Mask them: prepare = " in finding["message"]
+    fitted = CliRunner().invoke(app, ["calibrate", str(raw)]).output
+    assert "are no temperatures" in " ".join(fitted.split())
+    assert "likely mistake" not in fitted
+
+
 def test_a_duty_without_full_scale_gives_ratios_and_says_so(tmp_path: Path) -> None:
     log = bench(tmp_path / "test.csv", header="time_s,T_plate_C,T_room_C,heater_pct", duty=True)
     made = run("init", str(log), "--to", str(tmp_path / "p"))
