@@ -237,8 +237,9 @@ class StructureSearch:
                     f"{apart:+.2g})."
                 )
                 lines.append(f"    {telling_test(self.proposed, one)}")
-        tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
-        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
+        tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
+        best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
+        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
         lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
         if not self.complete:

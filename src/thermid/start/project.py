@@ -20,7 +20,7 @@ from thermid.measure.record.record import Record
 from thermid.model.deck.save import model_text
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
-from thermid.start.proposal import LOOSE_AMBIENT, Proposal
+from thermid.start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.start.roles import SURROUNDINGS, thinned_step
 from thermid.start.templates import ROOT, TEMPLATE
 
@@ -220,7 +220,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
         f"First model of {source}, proposed by thermid init: {proposal.chosen.nodes} masses, RMSE {proposal.chosen.rmse:.3g} K.",
         "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
     ]
-    head += [f"This log cannot separate structures of {' and '.join(map(str, sorted(orders)))} masses."] if len(orders) > 1 else []
+    head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)
