@@ -77,7 +77,7 @@ def written(logs: Path, folder: Path, only: tuple[str, ...] = (), decks: Path = 
         shutil.copy(deck, folder / deck.name)
     text = (decks / "campaign.toml").read_text()
     content = tomllib.loads(text)
-    stages = ["[[" + part for part in text.split("[[")[1:]]
+    stages = ["[[" + part for part in text.split("[[")[1:] if part.startswith(("stages]]", "verdicts]]"))]
     kept = [s for s in stages if not only or any(f'"{name}"' in s.splitlines()[1] for name in only)]
     tables = {}
     for name, table in content["records"].items():

@@ -410,7 +410,7 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
 
 
 def _unmarked(data: bytes) -> str | None:
-    """Return the encoding of text with two bytes a letter and no mark that states it: of Latin letters the second byte is zero, or the first."""
+    """Return the encoding of two bytes a letter that no mark states: of Latin letters the second byte is zero, or the first."""
     for zero, order in ((1, "utf-16-le"), (0, "utf-16-be")):
         if len(data) > 3 and not any(data[zero:200:2]) and all(data[1 - zero : 200 : 2]):
             return order
