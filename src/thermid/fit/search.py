@@ -12,14 +12,13 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import IdentificationError, MissingExtraError, SolverError, ThermidWarning, refuse_unknown, spoken
-from thermid.extensions import missing
+from thermid.errors import IdentificationError, SolverError, ThermidWarning, refuse_unknown, spoken
+from thermid.extensions import optional
 from thermid.fit.minimisation import Fit, ended, minimise
 from thermid.fit.problem.residuals import Problem, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
@@ -462,21 +461,8 @@ def _differential(members: _Members, seed: int) -> tuple[Array, float]:
     return np.asarray(found.x), float(found.fun)
 
 
-def package(name: str, what: str) -> Any:
-    """Return an optional package.
-
-    Raises
-    ------
-    MissingExtraError   When it is not installed; the message says which command installs it.
-    """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise MissingExtraError(missing([name], what)) from error
-
-
 def _adapted(members: _Members, seed: int) -> tuple[Array, float]:
-    cma = package("cma", "covariance matrix adaptation")
+    cma = optional("cma", "covariance matrix adaptation")
     size = members.population.at.size
     if size == 1:
         raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")

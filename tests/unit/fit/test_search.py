@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid import extensions
 from thermid.errors import IdentificationError, MissingExtraError
-from thermid.fit import search
 from thermid.fit.minimisation import LOSSES
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
@@ -100,7 +100,7 @@ class TestValleys:
         def absent(name: str) -> Any:
             raise ImportError(name)
 
-        monkeypatch.setattr(search, "import_module", absent)
+        monkeypatch.setattr(extensions, "import_module", absent)
         with pytest.raises(MissingExtraError, match=r"needs 'cma', which is not installed.*pip install cma"):
             fitted("cma")
         with pytest.raises(MissingExtraError, match=r"needs 'emcee'.*pip install emcee"):
