@@ -185,6 +185,63 @@ def test_a_heater_of_thermal_desktop_is_a_thermostat(tmp_path: Path) -> None:
     assert run["BOX.T1"].at(36_000.0) > 4.9
 
 
+def test_one_way_conductors_are_streams(tmp_path: Path) -> None:
+    """Air of 2 W/K enters at 20 degC, takes up 10 W and then 6 W: 25 and 28 degC. The minus stands at the end that the stream leaves."""
+    text = """HEADER OPTIONS
+C    TDUNITS,   Temp       = C
+HEADER REGISTER DATA
+      MCP = 2.
+HEADER NODE DATA, AIR
+  -1, 20., 0.
+  2, 20., 5.
+  3, 20., 5.
+HEADER CONDUCTOR DATA, AIR
+  1, -1, 2, MCP
+  2, 3, -2, MCP
+HEADER SOURCE DATA, AIR
+  2, 10.
+  3, 6.
+"""
+    network = read_network(_write(tmp_path, "stream.inp", text))
+    assert [r for r in network.remarks if r.dropped] == []
+    settled = td.steady(network.model(), network.scenario())
+    assert [settled[f"AIR.T{k}"] - 273.15 for k in (2, 3)] == pytest.approx([25.0, 28.0], abs=1e-9)
+    back = network.written_back(network.model().with_values({"mcp": 4.0}))
+    assert next(iter(back.values())) == text.replace("MCP = 2.\n", "MCP = 4 $ fitted, was 2.\n")
+    celsius = {"AIR.T1": 20.0, "AIR.T2": 25.0, "AIR.T3": 28.0}
+    assert balance(network, celsius, digit=0.01).open() == {}
+    off = balance(network, celsius | {"AIR.T2": 26.0}, digit=0.01).open()
+    assert off == pytest.approx({"AIR.T2": 2.0, "AIR.T3": -2.0})
+
+
+@pytest.mark.parametrize("row", ["-1, -1, 2, 0.5", "1, -1, -2, 2.", "SIV 1, -1, 2, A1, 1."])
+def test_one_way_conductors_of_other_kinds_are_named(tmp_path: Path, row: str) -> None:
+    nodes = "HEADER NODE DATA, AIR\n  -1, 20., 0.\n  2, 20., 5.\nHEADER ARRAY DATA, AIR\n 1 = 0., 1., 100., 2.\n"
+    network = read_network(_write(tmp_path, "stream.inp", f"{nodes}HEADER CONDUCTOR DATA, AIR\n  {row}\n"))
+    (remark,) = (r for r in network.remarks if r.dropped)
+    assert "is one-way, and not a plain number of W/K" in str(remark)
+    assert "stream.inp:7" in str(remark)
+
+
+def test_streams_of_an_esatan_deck(tmp_path: Path) -> None:
+    text = """$MODEL DUCT
+$LOCALS
+  $REAL
+  mcp = 2.0;
+$NODES
+B1 = 'inlet', T = 20.0;
+D2 = 'air', T = 20.0, C = 5.0, QI = 10.0;
+$CONDUCTORS
+GF(1,2) = mcp;
+$EXECUTION
+  TIMEND = 60.0
+$ENDMODEL
+"""
+    network = read_network(_write(tmp_path, "duct.d", text))
+    assert [r for r in network.remarks if r.dropped] == []
+    assert td.steady(network.model(), network.scenario())["DUCT.T2"] - 273.15 == pytest.approx(25.0, abs=1e-9)
+
+
 def test_english_units(tmp_path: Path) -> None:
     text = """HEADER OPTIONS
 C    TDUNITS,   Energy     = BTU

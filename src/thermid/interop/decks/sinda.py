@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.errors import DeckError, ThermidError
 from thermid.interop.decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
-from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, with_unit
+from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.units import counted
 
@@ -349,7 +349,7 @@ def _contactor(words: str) -> str:
 
 
 def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
-    """Return the node that a word names, and whether a minus makes it one-way."""
+    """Return the node that a word names, and whether a minus makes it the upstream end of a one-way conductor."""
     oneway = word.startswith("-")
     owner, _, number = word.lstrip("-").rpartition(".")
     return ((owner.upper() or submodel), f"T{int(number)}"), oneway
@@ -369,7 +369,12 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
         name = f"{submodel}_{'R' if number < 0 else 'G'}{abs(number)}" + (f"_{k // 2 + 1}" if len(pairs) > 2 else "")
         where = values[0][1]
         if minus_a or minus_b:
-            deck.reading.remark(line.where, f"{name} is one-way (a stream): '{line.text.strip()}'")
+            if kind or number < 0 or (minus_a and minus_b):
+                deck.reading.remark(line.where, f"{name} is one-way, and not a plain number of W/K: '{line.text.strip()}'")
+                continue
+            value = deck.reading.value(values[0][0], where)
+            ends = (a, b) if minus_a else (b, a)
+            yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.of(line, (a, b)))
             continue
         yield FileConductor(name, (a, b), _law(deck, submodel, kind, number, values, line), where, group.of(line, (a, b)))
 
