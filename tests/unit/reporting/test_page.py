@@ -156,7 +156,7 @@ def test_warnings_are_told_at_the_top_and_at_the_stage(campaign: Campaign, tmp_p
     told = replace(campaign["component"], warnings=("the moon was full.",))
     text = Page(report(replace(campaign, stages={**campaign.stages, "component": told}), to=tmp_path / "w.html")).text
     assert text.count("the moon was full.") == 2
-    assert text.index("What a reader must know component : the moon was full.") < text.index("Stage 1")
+    assert text.index("Warnings component : the moon was full.") < text.index("Stage 1")
 
 
 def hostile(campaign: Campaign) -> Campaign:
