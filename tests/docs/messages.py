@@ -72,7 +72,7 @@ DIALECT = {
 }
 """Phrases of no guide, no title of a decision and no page of a report -> what to write."""
 
-NOT_GUIDES = {"benchmarks.md", "coverage.md", "mutants.md", "nomenclature.md", "recipes.md", "torture.md"}
+NOT_GUIDES = {"benchmarks.md", "coverage.md", "mutants.md", "recipes.md", "torture.md"}
 """Pages that programs write, or that are for developers."""
 
 
@@ -83,8 +83,10 @@ def guides() -> list[Path]:
 
 
 def sentences(text: str) -> Iterator[tuple[int, str]]:
-    """Line and text of the prose of a page: without code, targets of links, markup and places of a template."""
-    bare = re.sub(r"^```.*?^```$|\{[%#].*?[%#]\}", lambda m: "\n" * m[0].count("\n"), text, flags=re.DOTALL | re.MULTILINE)
+    """Line and text of the prose of a page: without code, targets of links, markup and places of a template, or words."""
+    bare = re.sub(
+        r"^```.*?^```$|\{[%#].*?[%#]\}|^## Words$.*?(?=^## )", lambda m: "\n" * m[0].count("\n"), text, flags=re.DOTALL | re.MULTILINE
+    )
     for number, line in enumerate(bare.splitlines(), 1):
         yield number, re.sub(r"`[^`]*`|\]\([^)]*\)|\{\{.*?\}\}|<[^>]*>", " ", line)
 
