@@ -109,7 +109,7 @@ def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Camp
     good = replace(campaign.verdicts[0], checks=tuple(c for c in campaign.verdicts[0].checks if c.passed))
     assert "✓ The only verdict passed" in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).text
     none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
-    assert "a fit alone does not show that the model predicts" in none
+    assert "a fit alone does not validate the model" in none
 
 
 def test_every_parameter_stands_with_unit_and_both_errors(page: Page, campaign: Campaign) -> None:
