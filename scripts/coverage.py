@@ -55,10 +55,9 @@ def page(draws: int) -> str:
     """Return the page."""
     text = f"""# Coverage
 
-This page states how often 95 % intervals contain the true value, in {draws} synthetic campaigns (matched) and {
-        draws * 3 // 10
-    } (without constant errors; mismatched). `python scripts/coverage.py` makes it. The campaigns are in `tests/recovery`, and
-a run of 25 draws is a test.
+This page states how often 95 % intervals contain the true value, in {draws} synthetic campaigns (matched) and
+{draws * 3 // 10} (without constant errors; mismatched). `python scripts/coverage.py` makes it. The campaigns are in
+`tests/recovery`, and a run of 25 draws is a test.
 
 ## Matched: the truth follows the model
 
