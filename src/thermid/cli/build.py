@@ -38,7 +38,7 @@ from thermid.cli.options import (
 )
 from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, refuse_unknown
 from thermid.extensions import GRAMMARS, json_schema
-from thermid.files import NETCDF, PICTURE, TABLE, write_text
+from thermid.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.fit.inputs import InputTable
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
@@ -214,12 +214,11 @@ def diagram(
 
     Submodels are drawn as boxes; --fold draws one as a single mass, --map puts every node on one page.
     """
-    if to.suffix.lower() != ".svg":
-        raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
+    check_ending(to, DRAWING)
     if as_map and fold:
         raise ScenarioError("a map shows every node; leave --fold out.", "--map")
     model = load_model(deck)
-    write_text(to, (network_map(model) if as_map else drawn(model, folded=fold)) + "\n", PICTURE)
+    write_text(to, (network_map(model) if as_map else drawn(model, folded=fold)) + "\n", DRAWING)
     typer.echo(f"diagram: {to}")
 
 

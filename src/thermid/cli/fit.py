@@ -57,7 +57,7 @@ from thermid.reporting.blocks.extras import tables_folder
 from thermid.reporting.blocks.numbering import check_audience
 from thermid.reporting.pages import campaign as page
 from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
-from thermid.reporting.pictures.trust import check_ending, picture
+from thermid.reporting.pictures.trust import picture
 from thermid.simulation.scenario_file import load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
@@ -337,7 +337,7 @@ def hold(
 
     Runs are kept in a folder: an interrupted command goes on where it was.
     """
-    writable((None if figure is None else check_ending(figure), PICTURE))
+    writable((figure, PICTURE))
     asked = load_hold(question)
     folder = to if to is not None else question.parent / "results"
     with MemberProgress() as progress:

@@ -10,7 +10,7 @@ import typer
 
 from thermid.cli.options import Force, Json, say, with_unit
 from thermid.errors import RecordError
-from thermid.files import PICTURE, write_text
+from thermid.files import DRAWING, check_ending, write_text
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.record import Record
@@ -39,11 +39,13 @@ def look(
 
     The lines for a campaign are printed too. Exit code 2 if times cannot be read.
     """
-    if to is not None and (len(logs) > 1 or to.suffix.lower() != ".svg"):
-        raise RecordError("one log is drawn as one SVG. Give one log, and a name that ends in .svg.", "--svg")
+    if to is not None and len(logs) > 1:
+        raise RecordError("one log is drawn as one SVG. Give one log.", "--svg")
+    if to is not None:
+        check_ending(to, DRAWING)
     looks = [picture.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
     if to is not None:
-        write_text(to, looks[0].svg() + "\n", PICTURE)
+        write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns
     bad = any(each.problem for each in looks)
     parts = ["\n".join(each.lines(width)) for each in looks]

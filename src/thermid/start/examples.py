@@ -11,6 +11,7 @@ from thermid.campaign.file import read_campaign
 from thermid.errors import MissingDataError, NameNotFoundError, OutputError, nearest
 from thermid.files import COPY, folder_replacing, write_bytes
 from thermid.start.originals import MOTOR, TCLAB, DataSet, converted
+from thermid.start.schemas import head_copies
 
 ROOT_FILE: Final = "thermid.toml"
 _LEFT: Final = ("__pycache__", "results")
@@ -121,7 +122,7 @@ def shipped() -> Path:
 def copy_example(
     name: str, to: Path | None = None, originals: Path | None = None, progress: Callable[[int, int], None] | None = None
 ) -> Copied:
-    """Copy an example with its data into a new folder.
+    """Copy an example with its data into a new folder, with the schemas by which an editor checks its files.
 
     Parameters
     ----------
@@ -157,6 +158,7 @@ def copy_example(
                 progress(k + 1, len(data.files))
         if data is not None:
             write_bytes(half / "LICENSE.data", _licence(data).encode(), COPY)
+        head_copies(half, [file for file in half.rglob("*") if file.is_file()])
         checked = _checked(example, half)
     return Copied(example, folder, len(data.files) if data else 0, checked)
 

@@ -15,6 +15,7 @@ from thermid.cli import options, screen
 from thermid.cli.screen import LONGEST, Progress, folded, severity, spoken, working
 from thermid.errors import MissingExtraError
 from thermid.extensions import missing, modules_of, require
+from thermid.reporting.blocks import extras
 from unit.cli.conftest import Call
 
 pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
@@ -187,8 +188,8 @@ class TestReportAsPdf:
             to.write_bytes(b"%PDF-1.7\n")
             return to
 
-        monkeypatch.setattr(options, "browser", lambda: "browser")
-        monkeypatch.setattr(options, "page_to_pdf", pdf)
+        monkeypatch.setattr(extras, "browser", lambda: "browser")
+        monkeypatch.setattr(extras, "page_to_pdf", pdf)
         said = call("report", campaign, "--to", tmp_path / "x.pdf")
         assert said.code == 0
         assert made == [tmp_path / "x.pdf"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,9 +17,11 @@ from typer.testing import CliRunner
 
 from thermid.cli.app import app
 from thermid.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
+from thermid.extensions import json_schema
 from thermid.start import examples
 from thermid.start.examples import EXAMPLES, copy_example
 from thermid.start.originals import MOTOR, TCLAB, controller, converted, samples_sum, thermocouples
+from thermid.start.schemas import kind_of
 
 DAQ = (
     '\ufeff"Device: X"\n"Sample Count: 3"\n"Scan Rate: 4.0"\n"Sample","Time (s)","Winding Temp (°C)","Ambient (°C)","Stator Body (°C)"\n'
@@ -41,12 +44,36 @@ def public() -> Path:
 def test_a_copy_has_every_file_and_a_root(tmp_path: Path, name: str) -> None:
     made = copy_example(name, tmp_path / "mine")
     own = made.folder / name if EXAMPLES[name].needs else made.folder
-    there = {p.relative_to(own) for p in own.rglob("*") if p.is_file()} - {Path("thermid.toml")}
+    there = {p.relative_to(own) for p in own.rglob("*") if p.is_file() and "schema" not in p.parts} - {Path("thermid.toml")}
     source = examples.shipped() / name
     assert there == {path for _, path in examples._files(source)}
     assert (made.folder / "thermid.toml").is_file()
     for path in there:
-        assert (own / path).read_bytes() == (source / path).read_bytes()
+        assert unheaded((own / path).read_bytes()) == (source / path).read_bytes()
+
+
+def unheaded(data: bytes) -> bytes:
+    return re.sub(rb"^#:schema [\w./]+\n", b"", data)
+
+
+@pytest.mark.parametrize("name", ["04_campaign", "sisnav"])
+def test_every_file_of_a_copy_names_the_schema_that_it_follows(tmp_path: Path, name: str) -> None:
+    """But files below a lock, which holds their checksums, and what has no grammar of its own."""
+    made = copy_example(name, tmp_path / "mine")
+    kinds = set()
+    for file in (f for f in made.folder.rglob("*.toml") if "qualification" not in f.parts):
+        first, kind = file.read_text(encoding="utf-8").splitlines()[0], kind_of(file.read_text(encoding="utf-8"))
+        if not kind:
+            assert file.name in ("thermid.toml", "document.toml")
+            assert not first.startswith("#:schema")
+            continue
+        kinds.add(kind)
+        place = (file.parent / first.removeprefix("#:schema ")).resolve()
+        assert place == (made.folder / "schema" / f"{kind}.schema.json").resolve()
+        assert json.loads(place.read_text(encoding="utf-8")).items() >= json_schema(kind).items()
+    assert kinds == {"04_campaign": {"deck", "campaign"}, "sisnav": {"deck", "campaign", "study", "scenario", "hold"}}[name]
+    for file in (made.folder / "qualification").rglob("*.toml"):
+        assert file.read_bytes() == (examples.shipped() / name / file.relative_to(made.folder)).read_bytes()
 
 
 def test_the_first_command_of_a_copy_with_siblings_runs(tmp_path: Path) -> None:
