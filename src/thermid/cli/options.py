@@ -57,6 +57,7 @@ def _force(context: typer.Context, wanted: bool) -> bool:
 
 
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all details in place of the summary.")]
+Whole = Annotated[bool, typer.Option("--verbose", "-v", help="Print all lines in a terminal too, not what fits on a screen.")]
 Force = Annotated[
     bool, typer.Option("--force", callback=_force, help="Write also over an input, or over a file that thermid did not write.")
 ]
@@ -70,12 +71,12 @@ PRECEDENCE = (2, 3, 4, 1, 5, 0)
 """Exit codes, the one that wins first."""
 
 
-def say(as_json: bool, content: Mapping[str, Any], text: object) -> None:
-    """Print an answer: one JSON object, or text."""
+def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool = True) -> None:
+    """Print an answer: one JSON object, or text; without `verbose` what fits on a screen, where it is a terminal."""
     if as_json:
         typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **content})))
     else:
-        show(str(text))
+        show(str(text), whole=verbose)
 
 
 class CampaignProgress(Progress):
