@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from thermid.cli.options import Force, Json, say, with_unit
+from thermid.cli.options import Force, Json, Whole, say, with_unit
 from thermid.errors import RecordError
 from thermid.files import DRAWING, check_ending, write_text
 from thermid.measure.amounts import amount
@@ -73,6 +73,7 @@ def settle(
     later: Annotated[list[str], typer.Option("--reading", help="A later time whose reading is forecast; may be repeated.")] = [],  # noqa: B006
     model: Annotated[Path | None, typer.Option("--model", help="Deck whose time constants are used; with --scenario.")] = None,
     scenario: Annotated[Path | None, typer.Option("--scenario", help="Conditions of the stretch (TOML).")] = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Check whether a log is stable and forecast where it ends.
@@ -115,7 +116,7 @@ def settle(
     for name, f in ends.items():
         lines.append(f"{name}: no forecast. {f}" if isinstance(f, str) else str(f))
         lines += [] if isinstance(f, str) else [f"  at {t}: {f.reading(t)}" for t in times]
-    say(as_json, {**stable.as_object(), "forecasts": _forecasts(ends, times)}, "\n".join(lines))
+    say(as_json, {**stable.as_object(), "forecasts": _forecasts(ends, times)}, "\n".join(lines), verbose)
     raise SystemExit({"stable": 0, "not stable": 1, "cannot tell": 4}[stable.verdict])
 
 
