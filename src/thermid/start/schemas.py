@@ -10,7 +10,7 @@ from typing import Final
 
 from thermid.errors import ThermidError
 from thermid.extensions import GRAMMARS, by_grammar, json_schema
-from thermid.files import COPY, FileKind, may_write, parse_toml, write_bytes, write_text
+from thermid.files import COPY, FileKind, may_write, parse_toml, read_text, write_bytes, write_text
 
 SCHEMA: Final = FileKind("JSON Schema", endings=(".json",))
 FOLDER: Final = "schema"
@@ -62,14 +62,12 @@ def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
     files : sequence    Its files.
     """
     locked = {file.parent for file in files if file.name.endswith(".lock.json")}
-    found = {f: kind_of(f.read_text(encoding="utf-8")) for f in files if f.suffix == ".toml" and locked.isdisjoint(f.parents)}
+    texts = {f: read_text(f) for f in files if f.suffix == ".toml" and locked.isdisjoint(f.parents)}
+    found = {file: kind for file, text in texts.items() if (kind := kind_of(text))}
     for file, kind in found.items():
-        if kind:
-            text, depth = file.read_text(encoding="utf-8"), len(file.relative_to(folder).parents) - 1
-            file.unlink()
-            write_bytes(file, headed(text, kind, depth).encode(), COPY)
-    kinds = {kind for kind in found.values() if kind}
-    return write_schemas(folder, kinds) if kinds else []
+        file.unlink()
+        write_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode(), COPY)
+    return write_schemas(folder, found.values()) if found else []
 
 
 def kind_of(text: str) -> str:
