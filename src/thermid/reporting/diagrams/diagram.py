@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -210,7 +211,7 @@ def _style(c: FlatConductor) -> tuple[str, str]:
 def _thickness(path: str, watts: Mapping[str, float]) -> float:
     """Return how thick the line of a heat flow is drawn."""
     most = max(map(abs, watts.values()))
-    return 1.0 + 7.0 * (abs(watts.get(path, 0.0)) / most if most > 0 else 0.0) ** 0.5
+    return 1.0 + 7.0 * math.sqrt(abs(watts.get(path, 0.0)) / most if most > 0 else 0.0)
 
 
 def _wire(plan: DiagramLayout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:
