@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
+from thermid.errors import DeckError, ThermidError
 from thermid.interop.decks import network_file
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
@@ -321,6 +321,52 @@ def test_esatan_numbers_go_back_with_line_ends_as_they_were(tmp_path: Path) -> N
     assert text == ESATAN.replace("\n", "\r\n").replace(
         "k = 180.0D0; t = 0.003;   # W/(m K), m", "k = 150; t = 0.003;   # W/(m K), m # fitted, was 180.0D0"
     )
+
+
+def test_numbers_go_back_into_the_included_file_that_has_them(tmp_path: Path) -> None:
+    """Registers in one include, contacts in another with line ends of Windows, a tab, a comment in Latin-1: bytes stay but for values."""
+    registers = b"C 20 \xb0C\n      STRAP = 0.25\n      OTHER = 1.\n"
+    contacts = b"C Contact - Face Contactor-Foot to wall[BOX][1]::A1\r\n"
+    contacts += b"      3,\tBOX.1,    SPACE.1,    5.D-2\r\n      4,    BOX.2,    SPACE.1,    0.07\r\n"
+    (tmp_path / "registers.inc").write_bytes(registers)
+    (tmp_path / "contacts.inc").write_bytes(contacts)
+    case = "HEADER REGISTER DATA\nINSERT registers.inc\nHEADER NODE DATA, BOX\n  1, 20., 5.\n  2, 20., 5.\n"
+    case += "HEADER NODE DATA, SPACE\n  -1, 3., 0.\nHEADER CONDUCTOR DATA, BOX\n  1, 1, 2, STRAP\nINSERT contacts.inc\n"
+    network = read_network(_write(tmp_path, "case.inp", case))
+    (group,) = network.groups()
+    back = network.written_back(network.model().with_values({"strap": 0.5, group: 3.0}))
+    assert {Path(name).name: text.encode("latin-1") for name, text in back.items()} == {
+        "registers.inc": registers.replace(b"STRAP = 0.25", b"STRAP = 0.5 $ fitted, was 0.25"),
+        "contacts.inc": contacts.replace(b"5.D-2", b"0.15 $ fitted, was 5.D-2").replace(b"0.07", b"0.21 $ fitted, was 0.07"),
+    }
+
+
+def test_numbers_go_back_into_submodels_and_includes_of_esatan(tmp_path: Path) -> None:
+    lid = "  $MODEL LID\n  $LOCALS\n    $REAL\n    bolt = 0.4;  # per bolt\n"
+    lid += "  $NODES\n  D1 = 'lid', T = 25.0, C = 120.0;\n  $ENDMODEL LID\n"
+    (tmp_path / "lid.inc").write_text(lid)
+    text = "$MODEL UNIT\n$LOCALS\n  $REAL\n  bolt = 0.2;\n$NODES\nD1 = 'board', T = 25.0, C = 300.0;\n"
+    text += "B9 = 'wall', T = 10.0;\n$INCLUDE 'lid.inc'\n"
+    text += "$CONDUCTORS\nGL(1, LID:1) = 2 * bolt;\nGL(1, 9) = 0.5;\nGL(LID:1, 9) = 0.1;\n$ENDMODEL UNIT\n"
+    network = read_network(_write(tmp_path, "unit.d", text))
+    (own, inner) = (n for n in network.parameters if "bolt" in n)
+    back = {Path(f).name: new for f, new in network.written_back(network.model().with_values({own: 0.3, inner: 0.6})).items()}
+    assert back == {
+        "unit.d": text.replace("bolt = 0.2;", "bolt = 0.3; # fitted, was 0.2"),
+        "lid.inc": lid.replace("bolt = 0.4;  # per bolt", "bolt = 0.6;  # per bolt # fitted, was 0.4"),
+    }
+
+
+@pytest.mark.parametrize(("name", "text"), [("cut.inp", SINDA + HEATER), ("cut.d", ESATAN)])
+def test_a_deck_cut_anywhere_is_read_or_refused_in_words(tmp_path: Path, name: str, text: str) -> None:
+    refused = []
+    for end in range(0, len(text), 23):
+        try:
+            read_network(_write(tmp_path, name, text[:end])).model()
+        except ThermidError as error:
+            refused.append(str(error))
+    assert len(refused) > 10
+    assert all(name in words for words in refused)
 
 
 def test_the_balance_at_printed_temperatures(sinda: Path) -> None:

@@ -7,7 +7,7 @@ conductor has a negative number, its heat is ``SIGMA G (T_a^4 - T_b^4)``; a minu
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -125,9 +125,13 @@ def read_sinda(path: str | Path) -> NetworkFile:
     )  # fmt: skip
 
 
-def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...]) -> Iterator[tuple[str, str, list[Line]]]:
-    """Yield header, submodel and lines of every block, following INSERT and INCLUDE."""
-    header, submodel, lines = "", "", list[Line]()
+Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
+"""Header, submodel and lines of every block; at the end the header and submodel that what follows belongs to."""
+
+
+def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at: tuple[str, str] = ("", "")) -> Blocks:
+    """Yield the blocks of a text that begins in the block `at`, following INSERT and INCLUDE as if their text stood there."""
+    (header, submodel), lines = at, list[Line]()
     words: list[str] = []
     for line in numbered(text, str(path)):
         row = line.text
@@ -144,7 +148,7 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...]) ->
         if inserted:
             yield header, submodel, lines
             lines = []
-            yield from _inserted(deck, path, inserted[1], line, (*inside, path))
+            header, submodel = yield from _inserted(deck, path, inserted[1], line, (*inside, path), (header, submodel))
         elif found:
             yield header, submodel, lines
             header, submodel, lines = " ".join(found[1].upper().split()), found[2].upper(), []
@@ -152,9 +156,10 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...]) ->
             lines.append(replace(line, text=row, before=tuple(words)))
         words = []
     yield header, submodel, lines
+    return header, submodel
 
 
-def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[Path, ...]) -> Iterator[tuple[str, str, list[Line]]]:
+def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[Path, ...], at: tuple[str, str]) -> Blocks:
     """Yield the blocks of an inserted file; the text beside a binary one (.k for .k_in) takes its place."""
     target = path.parent / name.replace("\\", "/").rsplit("/", 1)[-1]
     try:
@@ -165,10 +170,10 @@ def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[
             if "each other" in error.message:
                 raise
             deck.reading.remark(line.part(0, len(line.text)), f"INSERT {name}: {error.message}")
-            return
+            return at
         deck.reading.remark(line.part(0, len(line.text)), f"{name} is binary; the text file {beside.name} was read instead", dropped=False)
         target, text = beside, deck.reading.open(beside, inside, str(line.where))
-    yield from _blocks(deck, target, text, inside)
+    return (yield from _blocks(deck, target, text, inside, at))
 
 
 def _stated_unit(deck: SindaDeck, row: str) -> None:
