@@ -140,8 +140,12 @@ class Progress:
             typer.echo(text, err=True)
 
     def say(self, text: str) -> None:
-        """Print a line that stays."""
-        typer.echo(f"\r\x1b[2K{text}" if self._thread is not None else text, err=True)
+        """Print a text that stays."""
+        if self._thread is None:
+            typer.echo(text, err=True)
+            return
+        sys.stderr.write("\r\x1b[2K")
+        show(text, err=True)
 
     def line(self) -> str:
         """Return the line of a terminal: text, time spent, time left."""

@@ -14,7 +14,7 @@ import pytest
 from studio.large import wide_campaign
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign, request_of, run_stages
-from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
+from thermid.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
 from thermid.fit.problem.request import in_full, key_of
 from thermid.knowledge.values import load_values
 from thermid.model.laws.signal import TableSignal
@@ -116,6 +116,26 @@ class TestRun:
         seen: list[str] = []
         run_stages(made, notice=lambda stage, count, rms: seen.append(stage))
         assert list(dict.fromkeys(seen)) == ["box", "pair", "verdict on pair_two"]
+
+    @pytest.mark.parametrize("stage", ["box", "pair"])
+    def test_the_interrupt_key_keeps_the_best_values(self, made: Path, stage: str) -> None:
+        """With a stage above it they stand in the refusal; of the last stage they are a fit that is not credible, and nothing is judged."""
+
+        def press(name: str, count: int, rms: float) -> None:
+            if (name, count) == (stage, 2):
+                raise KeyboardInterrupt
+
+        if stage == "box":
+            with pytest.raises(
+                StoppedError, match=r"stopped by the user after 2 evaluations of stage 'box'\. Best so far, not credible: .* = "
+            ):
+                run_stages(made, notice=press)
+            return
+        found = run_stages(made, notice=press)
+        assert found["pair"].stopped
+        assert found["pair"].standing.state == "not credible"
+        assert [v.passed for v in found.verdicts] == [None]
+        assert "stopped by the user" in str(found)
 
 
 class TestInheritance:
