@@ -16,6 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from thermid.errors import CAPS
+
 ROOT = Path(__file__).parent.parent
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT / "tests"), "PYTHONDONTWRITEBYTECODE": "1"}
 MUTANTS = {"python": ("files read in Python", 0.3), "commands": ("files given to commands", 0.2), "calls": ("arguments of functions", 0.1)}
@@ -89,7 +91,13 @@ def page(table: str, kinds: dict[str, dict[str, int]], given: argparse.Namespace
     return (
         (ROOT / "scripts/torture.md")
         .read_text(encoding="utf-8")
-        .format(table=table, kinds="\n".join(by_kind), minutes=f"{given.minutes:g}", seed=given.seed)
+        .format(
+            table=table,
+            kinds="\n".join(by_kind),
+            caps="\n".join(f"| `{name}` | {most:g} | {what} |" for name, (most, what) in CAPS.items()),
+            minutes=f"{given.minutes:g}",
+            seed=given.seed,
+        )
     )
 
 
