@@ -237,8 +237,9 @@ class StructureSearch:
                     f"{apart:+.2g})."
                 )
                 lines.append(f"    {telling_test(self.proposed, one)}")
-        tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
-        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
+        tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
+        best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
+        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
         lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
         if not self.complete:
@@ -301,8 +302,7 @@ class _Searching:
                 complete = not self._late()
                 break
             best = found
-        best = self._simplest(self._pruned(best))
-        self._challenge(best)
+        best = self._challenged(self._simplest(self._pruned(best)))
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -328,20 +328,37 @@ class _Searching:
         if single < best.held.likelihood(scale) + TIE:
             made += [self._refitted(best, pair) for pair in pairs]
         scale = self._scale()
-        own = best.held.likelihood(scale)
-        # the best of many that do nothing gains about the logarithm of their number
-        proved = own + TIE + math.log(max(len(scores), 1))
-        able = [m for m in made if m is not None and m.possible and m.held.likelihood(scale) > proved]
+        able = self._proved(made, best, len(scores))
         if not able:
             return None
         top = max(m.held.likelihood(scale) for m in able)
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
         return min(near, key=lambda m: _rank(m, scale))
 
-    def _challenge(self, best: FittedStructure) -> None:
-        """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
-        for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
-            self._refitted(best, score)
+    def _proved(self, made: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
+        """Return the structures whose held-out readings are likelier than those of the best by more than chance among those tried gives.
+
+        The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
+        lag of each sensor, gains by chance as a change of its own would.
+        """
+        scale = self._scale()
+        own = best.held.likelihood(scale) + math.log(max(tried, 1))
+        return [m for m in made if m and m.possible and m.held.likelihood(scale) > own + TIE * max(m.nodes - best.nodes, 1)]
+
+    def _challenged(self, best: FittedStructure) -> FittedStructure:
+        """Return the best after the likeliest structures of one mass more were refitted.
+
+        So it is known whether the readings can tell them from the best. One of them takes its place where it is likelier by more than
+        chance among these few gives: the rounds before ask for more, because they choose among all changes.
+        """
+        while not self._late():
+            scores = [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]
+            able = self._proved([self._refitted(best, score) for score in scores], best, len(scores))
+            if not able:
+                break
+            scale = self._scale()
+            best = max(able, key=lambda m: m.held.likelihood(scale))
+        return best
 
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return the score of every change."""
@@ -577,6 +594,7 @@ def _without(own: Sequence[tuple[Array, Array]], whole: Array, priors: Array, ki
     full = whole + priors.T @ priors
     size = np.sqrt(np.maximum(np.diag(full), 1e-300))
     held = np.where(local, 1.0, np.where(log, 1.0 / (NEAR * size) ** 2, 1e-6)) + 1e-9
+    # normal equations without the part: (J'J + P'P - J_p'J_p) shift = J_p'r_p, in units where their diagonal is 1
     matrix = (full - cross) / np.outer(size, size) + np.diag(held)
     shift = np.where(local, 0.0, np.linalg.solve(matrix, slope / size) / size)
     if local.any():
