@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import random
 import socket
 import subprocess
@@ -138,8 +139,10 @@ def studio(folder: Path) -> Iterator[tuple[int, int]]:
     """Yield process and port of a studio of its own on the project of the seeds."""
     make(folder)
     command = [sys.executable, "-m", "torture.hostile", "serve", str(folder)]
+    tests = str(Path(__file__).parents[1])
+    more = {**os.environ, "PYTHONPATH": os.pathsep.join([tests, *filter(None, [os.environ.get("PYTHONPATH")])])}
     with (folder.parent / "said").open("w") as said:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True, cwd=tests, env=more)
     assert process.stdout is not None
     try:
         yield process.pid, int(process.stdout.readline().rstrip("/\n").rpartition(":")[2])
