@@ -56,8 +56,8 @@ def folded(line: str, columns: int) -> list[str]:
 def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
     """Return lines that fill at most so many lines of a terminal, and how many were left out.
 
-    First come the first line, the last one where it has no indent, and those that warn, then the heads of paragraphs (lines without indent), then the others in
-    turn: the first below each head, the second, and so on. They stand in their old order.
+    First come the first line, the last one where it has no indent, and those that warn; then the heads of paragraphs (lines without
+    indent), then the others in turn: the first below each head, the second, and so on. They stand in their old order.
 
     Parameters
     ----------
