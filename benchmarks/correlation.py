@@ -2,7 +2,7 @@
 
 The network is synthetic, drawn by this script to the size of a public deck of Thermal Desktop. Twenty logs with noise of their own are
 fitted; for the first, a genetic algorithm and a particle swarm of pymoo minimise the same sum of squares, and every run of the network that
-they ask for is counted. `python benchmarks/correlation.py [SEEDS] [EVALUATIONS]` prints the figures of docs/from/esatan.md.
+they ask for is counted. `python benchmarks/correlation.py [SEEDS] [EVALUATIONS]` prints the figures of docs/benchmarks.md.
 """
 
 from __future__ import annotations

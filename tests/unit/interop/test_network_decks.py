@@ -13,7 +13,6 @@ import pytest
 
 import thermid as td
 from thermid.errors import DeckError, ThermidError
-from thermid.interop.decks import network_file
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
@@ -403,10 +402,17 @@ def test_bad_files_are_refused_with_file_and_line(tmp_path: Path, text: str, wor
 
 
 def test_a_file_beyond_every_deck_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("thermid.interop.decks.statements.LARGEST", 100)
-    with pytest.raises(DeckError, match=r"MB\. Split it into include files\."):
+    monkeypatch.setenv("THERMID_CAPS", "deck=100")
+    with pytest.raises(DeckError, match=r"big\.inp: the file has more than 0 MB\. Split it into include files\. The cap 'deck' is 100"):
         read_network(_write(tmp_path, "big.inp", SINDA))
-    assert network_file.LARGEST == 50_000_000
+
+
+def test_a_hundred_megabytes_are_refused_before_they_are_read(tmp_path: Path) -> None:
+    with (tmp_path / "big.inp").open("wb") as file:
+        file.write(SINDA.encode())
+        file.truncate(100_000_000)  # sparse: it takes no room
+    with pytest.raises(DeckError, match=r"big\.inp: the file has more than 50 MB\."):
+        read_sinda(tmp_path / "big.inp")
 
 
 def test_logic_is_named_and_not_guessed(tmp_path: Path) -> None:
