@@ -13,6 +13,8 @@ AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
 
 def mistakes_of(fit: Calibration) -> Mistakes:
     """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
+    if fit.model.runner is not None:  # the heat inside somebody's FMU is not known
+        return Mistakes(fit.stage)
     if fit.request is None or not fit.records or not fit.values.parameters or any(e.ticks is not None for e in fit.experiments):
         return Mistakes(fit.stage)
     return find_mistakes(fit.request, fit.stage)
@@ -43,7 +45,7 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
     """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
     if not isinstance(error, IdentificationError | SolverError):
         return error
-    found = find_mistakes(request, stage)
+    found = find_mistakes(request, stage) if request.model.runner is None else Mistakes(stage)
     words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in found.lines()]
     command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
     return type(error)(" ".join([error.message, *words, f"Next: {command}"]), error.where)

@@ -647,6 +647,12 @@ def bind(
     base = on_the_clock_of(record, scenario or Scenario(record.name))
     prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
     whole, seats = attached(model, record)
+    if seats and model.runner is not None:
+        raise RecordError(
+            f"the sensor of '{next(iter(seats))}' has a lag, a heat capacity or leads, which cannot be added to the equations of an FMU. "
+            "Leave them out, or give it an accuracy that includes them.",
+            record.name,
+        )
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     second = record.second
     zero, last = (float(record.times[0]), float(record.times[-1])) if second is None else second.times
@@ -679,7 +685,11 @@ def bind(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
     first = _first_readings(record, observations, window)
+    if model.runner is not None and base.start == "":
+        base = replace(base, initial={**{n: t for n, t in model.runner.starts.items() if n not in first}, **base.initial})
     start, initial, readings, loose = starts_of(record, base, network, first, window)
+    if model.runner is not None:
+        loose = tuple(n for n in loose if n in model.runner.starts)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
@@ -695,7 +705,7 @@ def bind(
         initial=initial,
         duration=duration,
     )
-    hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" else {}
+    hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" and model.runner is None else {}
     if hidden:
         made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
     return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
