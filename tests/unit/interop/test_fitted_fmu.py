@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.interop.fmus import BOX, reference_fmu
 
 import thermid as td
 from thermid.errors import IdentificationError
 from thermid.interop.fmu import to_fmu
 from thermid.interop.fmu.fitted import calibrate_fmu
+from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.interop.fmus import BOX, reference_fmu
 from typer.testing import CliRunner
 
 import thermid as td
@@ -20,6 +19,7 @@ from thermid.errors import RecordError, ScenarioError, SolverError, ThermidError
 from thermid.interop.fmu import to_fmu
 from thermid.interop.fmu.as_model import fmu_model
 from thermid.model.laws.signal import TableSignal
+from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
 

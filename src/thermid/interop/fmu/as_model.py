@@ -19,7 +19,7 @@ import numpy as np
 from thermid.dual import gradient_of, value_of
 from thermid.errors import DeckError, ScenarioError, UnitError
 from thermid.files import read_bytes
-from thermid.interop.fmu.host import Course, FmuFile, Setting
+from thermid.interop.fmu.host import FmuFile, FmuSetting, InputCourse
 from thermid.linear_algebra import Array
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Drawn, TableSignal
@@ -210,11 +210,11 @@ class FmuRunner:
         values |= {q.reference: q.own(float(a.initial[index[n]])) for n, q in starts.items()}
         inputs = {q.reference: _course(*self._boundary(wiring, a, n, q)) for n, q in self.boundaries.items()}
         inputs |= {q.reference: _course(*self._load(engine, a, n, q)) for n, q in self.loads.items()}
-        setting, ways = Setting(values, inputs), []
+        setting, ways = FmuSetting(values, inputs), []
         for k in range(size):
             moved = {q.reference: float(gradient_of(numbers[n], size)[k]) / q.factor for n, q in self.parameters.items()}
             moved |= {q.reference: float(a.initial_gradient[index[n], k]) / q.factor for n, q in starts.items()}
-            ways.append(Setting({r: d for r, d in moved.items() if d}, self._driven(engine, a, k, size)))
+            ways.append(FmuSetting({r: d for r, d in moved.items() if d}, self._driven(engine, a, k, size)))
         wanted = [self.nodes[n] for n in nodes]
         at = np.unique(np.append(times, end)) if end > 0 else np.unique(times)
         key = (tuple(values.items()), a.coefficients.tobytes(), a.initial.tobytes(), at.tobytes(), tuple(nodes))
@@ -281,14 +281,14 @@ class FmuRunner:
         """Return where the power of a load stands among the coefficients."""
         return next(p.places[0] for p in wiring.structure.loads if p.row.name == name)
 
-    def _driven(self, engine: Engine, a: Assembled, k: int, size: int) -> dict[int, Course]:
+    def _driven(self, engine: Engine, a: Assembled, k: int, size: int) -> dict[int, InputCourse]:
         """Return value reference -> derivative of an input with respect to a free name, of those that it moves."""
         out = {}
         wiring = engine.wiring
         for name, q in self.boundaries.items():
             slope = float(gradient_of(a.offsets[name], size)[k])
             if slope:
-                out[q.reference] = Course.constant(slope / q.factor)
+                out[q.reference] = InputCourse.constant(slope / q.factor)
         if a.jacobian is not None:
             begin, columns, data = a.jacobian
             for name, q in self.loads.items():
@@ -379,14 +379,15 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     return quantity, of.dimension
 
 
-def _course(signal: Drawn, factor: float, offset: float) -> Course:
+def _course(signal: Drawn, factor: float, offset: float) -> InputCourse:
     """Return a signal as a course of an input: its value times a factor, and a constant."""
     if isinstance(signal, Constant):
-        return Course.constant(factor * signal.value + offset)
+        return InputCourse.constant(factor * signal.value + offset)
     if isinstance(signal, TableSignal):
-        times, values = signal.times, factor * signal.values + offset
+        times, values = signal.instants, factor * signal.levels + offset
         if signal.held:
             jumps = times[1:][np.diff(values) != 0.0]
-            return Course(lambda t: float(values[max(int(np.searchsorted(times, t, side="right")) - 1, 0)]), jumps)
-        return Course(lambda t: float(np.interp(t, times, values)), step=float(np.median(np.diff(times))) if times.size > 1 else np.inf)
-    return Course(lambda t: factor * float(np.ravel(signal.at(np.array([t])))[0]) + offset)
+            return InputCourse(lambda t: float(values[max(int(np.searchsorted(times, t, side="right")) - 1, 0)]), jumps)
+        step = float(np.median(np.diff(times))) if times.size > 1 else np.inf
+        return InputCourse(lambda t: float(np.interp(t, times, values)), step=step)
+    return InputCourse(lambda t: factor * float(np.ravel(signal.at(np.array([t])))[0]) + offset)

@@ -39,7 +39,7 @@ NEAR: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class InputCourse:
     """An input over time, in the unit of the FMU.
 
     Parameters
@@ -53,33 +53,37 @@ class Course:
     jumps: Array = field(default_factory=lambda: np.zeros(0))
     step: float = np.inf
 
+    def raised(self, other: InputCourse, factor: float) -> InputCourse:
+        """Return the course with so much of another added."""
+        return InputCourse(lambda t: self.law(t) + factor * other.law(t), np.union1d(self.jumps, other.jumps), min(self.step, other.step))
+
     @classmethod
-    def constant(cls, value: float) -> Course:
+    def constant(cls, value: float) -> InputCourse:
         """Return a value that does not change."""
         return cls(lambda t: value)
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class FmuSetting:
     """What is set in an FMU before and during a run.
 
     Parameters
     ----------
     values : dict   Value reference -> parameter or start.
-    inputs : dict   Value reference -> Course.
+    inputs : dict   Value reference -> InputCourse.
     """
 
     values: Mapping[int, float] = field(default_factory=dict)
-    inputs: Mapping[int, Course] = field(default_factory=dict)
+    inputs: Mapping[int, InputCourse] = field(default_factory=dict)
 
-    def moved(self, way: Setting, by: float) -> Setting:
+    def moved(self, way: FmuSetting, by: float) -> FmuSetting:
         """Return the setting moved by so much of a direction."""
         values = {**self.values, **{k: self.values[k] + by * d for k, d in way.values.items()}}
         inputs = dict(self.inputs)
         for k, d in way.inputs.items():
             own = inputs[k]
-            inputs[k] = Course(lambda t, own=own, d=d: own.law(t) + by * d.law(t), np.union1d(own.jumps, d.jumps), min(own.step, d.step))
-        return Setting(values, inputs)
+            inputs[k] = own.raised(d, by)
+        return FmuSetting(values, inputs)
 
 
 def fmpy_package() -> Any:
@@ -169,7 +173,7 @@ class FmuFile:
         """Copy it by its path."""
         return FmuFile, (self.path,)
 
-    def outputs(self, setting: Setting, times: Array, wanted: Sequence[int]) -> Array:
+    def outputs(self, setting: FmuSetting, times: Array, wanted: Sequence[int]) -> Array:
         """Return variables (times, wanted) of a run from zero, in the units of the FMU.
 
         Raises
@@ -178,7 +182,7 @@ class FmuFile:
         """
         return self._run(setting, times, wanted, [])[0]
 
-    def with_slopes(self, setting: Setting, times: Array, wanted: Sequence[int], ways: Sequence[Setting]) -> tuple[Array, Array]:
+    def with_slopes(self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]) -> tuple[Array, Array]:
         """Return variables (times, wanted) and their derivatives (times, wanted, ways) in some directions.
 
         Raises
@@ -193,7 +197,9 @@ class FmuFile:
         slopes = [self._difference(setting, times, wanted, way, base) for way in ways]
         return base, np.stack(slopes, axis=-1) if slopes else np.zeros((*base.shape, 0))
 
-    def _by_directions(self, setting: Setting, times: Array, wanted: Sequence[int], ways: Sequence[Setting]) -> tuple[Array, Array] | None:
+    def _by_directions(
+        self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]
+    ) -> tuple[Array, Array] | None:
         """Return what `with_slopes` does by directional derivatives; None where these are not offered for what moves, or are wrong.
 
         They are compared with differences of runs once for every set of variables that move.
@@ -219,14 +225,16 @@ class FmuFile:
                 return None
         return base, slopes
 
-    def _agree(self, setting: Setting, times: Array, wanted: Sequence[int], ways: Sequence[Setting], base: Array, slopes: Array) -> bool:
+    def _agree(
+        self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting], base: Array, slopes: Array
+    ) -> bool:
         for k, way in enumerate(ways):
             other = self._difference(setting, times, wanted, way, base)
             if np.abs(other - slopes[..., k]).max(initial=0.0) > AGREE * max(float(np.abs(other).max(initial=0.0)), 1e-12):
                 return False
         return True
 
-    def _difference(self, setting: Setting, times: Array, wanted: Sequence[int], way: Setting, base: Array) -> Array:
+    def _difference(self, setting: FmuSetting, times: Array, wanted: Sequence[int], way: FmuSetting, base: Array) -> Array:
         """Return derivatives (times, wanted) in a direction by central differences; one-sided where a side cannot be run."""
         by = _stride(setting, way, float(times[-1]))
         ends, parts = [], []
@@ -242,7 +250,7 @@ class FmuFile:
             return np.asarray((ends[0] - base) / parts[0])
         return np.asarray((ends[1] - ends[0]) / (2.0 * by))
 
-    def _run(self, setting: Setting, times: Array, wanted: Sequence[int], ways: Sequence[Setting]) -> tuple[Array, Array]:
+    def _run(self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]) -> tuple[Array, Array]:
         self.runs += 1
         try:
             run = (_Exchange if self.exchange else _Steps)(self, setting, times, wanted, ways)
@@ -256,7 +264,7 @@ class FmuFile:
         return found, slopes
 
 
-def _stride(setting: Setting, way: Setting, end: float) -> float:
+def _stride(setting: FmuSetting, way: FmuSetting, end: float) -> float:
     """Return how far to move along a direction: a part `STEP` of what moves, of temperatures and powers over the run."""
     sizes = [abs(d) / max(abs(setting.values[k]), 1e-6) for k, d in way.values.items()]
     at = np.linspace(0.0, end, 16)
@@ -266,10 +274,10 @@ def _stride(setting: Setting, way: Setting, end: float) -> float:
     return STEP / max(max(sizes, default=1.0), 1e-300)
 
 
-class _Run:
+class _FmuRun:
     """What both forms share: an instance that is set up, and its inputs."""
 
-    def __init__(self, file: FmuFile, setting: Setting, times: Array, wanted: Sequence[int], ways: Sequence[Setting]) -> None:
+    def __init__(self, file: FmuFile, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]) -> None:
         self.file, self.setting, self.times, self.wanted, self.ways = file, setting, times, list(wanted), list(ways)
         self.end = float(times[-1])
         self.driven, self.courses = list(setting.inputs), list(setting.inputs.values())
@@ -340,10 +348,10 @@ class _Seed:
     references: Any
     values: Any
     put: Array
-    courses: tuple[tuple[int, Course], ...]
+    courses: tuple[tuple[int, InputCourse], ...]
 
     @classmethod
-    def of(cls, states: Sequence[int], way: Setting) -> _Seed:
+    def of(cls, states: Sequence[int], way: FmuSetting) -> _Seed:
         """Return the seed of a direction."""
         fixed = {r: d for r, d in way.values.items() if r not in states}
         every = [*states, *fixed, *way.inputs]
@@ -353,7 +361,7 @@ class _Seed:
         return cls((c_uint32 * len(every))(*every), values, np.ctypeslib.as_array(values), courses)
 
 
-class _Exchange(_Run):
+class _Exchange(_FmuRun):
     """Model exchange by CVode, sensitivities beside the states."""
 
     def _go(self) -> tuple[Array, Array]:
@@ -501,10 +509,10 @@ class _Exchange(_Run):
                 self.fmu.fmi2GetDirectionalDerivative(self.fmu.component, which, *sizes, answer)
             else:
                 self.fmu.fmi3GetDirectionalDerivative(self.fmu.component, which, *sizes, len(seed.references), answer, len(unknowns))
-        return out.T
+        return np.asarray(out.T)
 
 
-class _Steps(_Run):
+class _Steps(_FmuRun):
     """Co-simulation, stepped from instant to instant; inputs stand at their value in the middle of a step."""
 
     def _go(self) -> tuple[Array, Array]:
@@ -532,4 +540,5 @@ class _Steps(_Run):
         # a fixed step of its own: communication points are multiples of it
         step = float(own) if own is not None else float(np.median(np.diff(every)))
         whole = max(1, round(float(np.median(np.diff(every))) / step)) * step
-        return np.asarray(whole * np.arange(int(np.ceil(self.end / whole - NEAR)) + 1))
+        count = int(np.ceil(self.end / whole - NEAR)) + 1
+        return np.arange(count, dtype=float) * whole
