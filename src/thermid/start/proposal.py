@@ -66,9 +66,15 @@ class Proposal:
         hidden = one.nodes - len(self.roles.parts)
         lines = [f"{one.nodes} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
         if len(orders) > 1:
-            lines.append(f"This log cannot separate structures of {' and '.join(str(n) for n in sorted(orders))} masses.")
+            lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
         return "\n".join([*lines, str(self.search)])
+
+
+def orders_text(orders: Sequence[int]) -> str:
+    """Return numbers of masses in words: 3, 4 and 5."""
+    *first, last = (str(n) for n in sorted(orders))
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ThermidError, refuse_unknown
+from thermid.extensions import optional
 from thermid.files import LOG, replacing
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record import windows
@@ -39,7 +40,7 @@ from thermid.measure.record.channel import (
 )
 from thermid.measure.record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.results import PlottedTrace, Result, Row, optional
+from thermid.results import PlottedTrace, Result, Row
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
