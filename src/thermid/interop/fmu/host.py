@@ -541,4 +541,4 @@ class _Steps(_FmuRun):
         step = float(own) if own is not None else float(np.median(np.diff(every)))
         whole = max(1, round(float(np.median(np.diff(every))) / step)) * step
         count = int(np.ceil(self.end / whole - NEAR)) + 1
-        return np.arange(count, dtype=float) * whole
+        return np.linspace(0.0, (count - 1) * whole, count)
