@@ -163,7 +163,7 @@ DECISIONS = {
     "profiles, steadiness, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 167",
     "site": "58 60 139 159",
     "acquire": "71 73 80 81 90 92 164",
-    "interop": "23 194 197 198 199 201",
+    "interop": "23 194 197 198 199 201 216",
     "estimation and watch": "180 181 182 183 184",
     "start": "188 229 234",
     "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 227",

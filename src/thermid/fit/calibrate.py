@@ -419,6 +419,7 @@ def summarise(
             *loudly(values),
             *far_from_sheet(request.model, values),
             *request.remarks,
+            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
