@@ -102,9 +102,10 @@ def _block(made: Campaign, name: str, fit: Calibration) -> StageRows:
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
     assumed = fit.inputs.assumed
     notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST)]
-    if assumed:
-        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed))
-        notes.append(f"{name}: assumed, because neither log nor scenario gives it: {inputs}")
+    for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
+        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
+        if inputs:
+            notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
     if command := next_command(made.file, fit, made.mistakes[name]):
         notes.append(f"{name}: next: {command}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)

@@ -111,7 +111,7 @@ def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Camp
     good = replace(campaign.verdicts[0], checks=tuple(c for c in campaign.verdicts[0].checks if c.passed))
     assert "✓ The only verdict passed" in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).text
     none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
-    assert "a fit alone does not show that the model predicts" in none
+    assert "a fit alone does not validate the model" in none
 
 
 def test_every_parameter_stands_with_unit_and_both_errors(page: Page, campaign: Campaign) -> None:
@@ -158,7 +158,7 @@ def test_warnings_are_told_at_the_top_and_at_the_stage(campaign: Campaign, tmp_p
     told = replace(campaign["component"], warnings=("the moon was full.",))
     text = Page(report(replace(campaign, stages={**campaign.stages, "component": told}), to=tmp_path / "w.html")).text
     assert text.count("the moon was full.") == 2
-    assert text.index("What a reader must know component : the moon was full.") < text.index("Stage 1")
+    assert text.index("Warnings component : the moon was full.") < text.index("Stage 1")
 
 
 def hostile(campaign: Campaign) -> Campaign:

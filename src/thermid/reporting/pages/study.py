@@ -104,7 +104,7 @@ def study_report(
         banners=banners,
         failed=len(failed),
         judged=len(campaign.verdicts),
-        summary="on records that no fit has seen" if campaign.verdicts else "no hold-out record",
+        summary="on hold-out records" if campaign.verdicts else "no hold-out record",
         front=front(campaign),
         outcome=outcome,
         sections=shown,
