@@ -111,7 +111,8 @@ def logs(seconds: float, seed: int, count: int) -> Found:
 
 PARTS = {
     "python": Part("files read in Python", 0.2, mutants("python")),
-    "commands": Part("files given to commands", 0.15, mutants("commands")),
+    "commands": Part("files given to commands", 0.1, mutants("commands")),
+    "spawned": Part("files given to commands, each in a process of its own", 0.05, mutants("spawned")),
     "calls": Part("arguments of functions", 0.05, mutants("calls")),
     "kernel": Part("random networks of the kernel, against exponentials and scipy", 0.15, kernels),
     "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements),
