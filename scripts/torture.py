@@ -169,10 +169,12 @@ def page(kept: dict[str, Found]) -> str:
         "findings": [f"- {each}" for n in PARTS for each in kept.get(n, {"findings": []})["findings"]] or ["None."],
         "caps": [f"| `{name}` | {most:g} | {what} |" for name, (most, what) in CAPS.items()],
     }
-    memory = kept.get("hostile", {}).get("memory", [0.0, 0.0])
+    memory = kept.get("hostile", {}).get("memory", [])
+    flat = f"The studio held {memory[len(memory) // 2]:.0f} MB halfway and {memory[-1]:.0f} MB at the end." if memory else ""
+    measured = "; ".join(f"{what}: {said}" for what, said in kept.get("logs", {}).get("measured", {}).items())
     text = (ROOT / "scripts/torture.md").read_text(encoding="utf-8")
     filled = {name: (", " if name == "ends" else "\n").join(lines) for name, lines in inside.items()}
-    return text.format(table="\n".join(rows), begin=memory[len(memory) // 2], end=memory[-1], **filled)
+    return text.format(table="\n".join(rows), memory=" ".join([flat, measured]).strip(), **filled)
 
 
 def named(part: str, found: Found | None) -> dict[str, int]:
