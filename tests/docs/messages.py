@@ -79,7 +79,8 @@ NOT_GUIDES = {"benchmarks.md", "coverage.md", "mutants.md", "recipes.md", "tortu
 def guides() -> list[Path]:
     """Return the pages that a user reads: guides, README, templates of reports."""
     pages = [p for pattern in ("*.md", "howto/*.md", "from/*.md") for p in (ROOT / "docs").glob(pattern) if p.name not in NOT_GUIDES]
-    return [*sorted(pages), ROOT / "README.md", ROOT / "examples/sisnav/study.md.in", *sorted((ROOT / "src/thermid").rglob("*.jinja"))]
+    pages += [ROOT / "README.md", ROOT / "examples/sisnav/study.md.in", *(ROOT / "examples").glob("*/README.md")]
+    return [*sorted(pages), *sorted((ROOT / "src/thermid").rglob("*.jinja"))]
 
 
 def sentences(text: str) -> Iterator[tuple[int, str]]:
