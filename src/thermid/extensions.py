@@ -108,6 +108,25 @@ def missing(modules: Sequence[str], purpose: str) -> str:
     return f"{purpose} needs {quoted(packages)}, which {verb} not installed. Install with: {python} -m pip install {' '.join(packages)}"
 
 
+def optional(module: str, purpose: str, where: str = "") -> Any:
+    """Return a module of an optional package.
+
+    Parameters
+    ----------
+    module : str    As it is imported.
+    purpose : str   What needs it.
+    where : str     Place for the message.
+
+    Raises
+    ------
+    MissingExtraError   When it is not installed; the message says which command installs it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(missing([module.partition(".")[0]], purpose), where) from error
+
+
 def require(extra: str, purpose: str) -> None:
     """Refuse to begin where a package of an extra is not installed.
 

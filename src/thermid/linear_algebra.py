@@ -135,6 +135,11 @@ def variance(information: Array, gradient: Array) -> float:
     return float(np.sum(part[~weak] ** 2 / sizes[~weak]))
 
 
+def quadratic_forms(rows: Array, matrix: Array) -> Array:
+    """Return the variance (n,) of each of some rows (n, m) of a vector with a covariance (m, m): the diagonal of A C A'."""
+    return np.asarray(np.sum((rows @ matrix) * rows, axis=1))
+
+
 def sandwich(bread: Array, meat: Array) -> Array:
     """Return ``C E C``: what a covariance E of the score J'r makes of the unknowns, C the inverse of the information (Huber 1967)."""
     return np.asarray(bread @ meat @ bread)

@@ -24,7 +24,7 @@ from thermid.acquire.wire import MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.errors import OutputError, RecordError
 from thermid.files import COPY, write_bytes
 from thermid.measure.readers.formats import is_bench_log
-from thermid.measure.readers.textfile import Cells
+from thermid.measure.readers.textfile import UNFINISHED, Cells
 from thermid.measure.record.sensor import SensorCertificate
 
 RANGE: Final = (-55.0, 125.0)
@@ -439,7 +439,7 @@ def _damage(log: _Log) -> list[str]:
     """Put lines in the order in which they were heard, drop repeats, and return what was wrong."""
     notes = []
     if log.cut:
-        notes.append("the last line is incomplete and was dropped")
+        notes.append(f"the last line {UNFINISHED}")
     if log.damaged:
         shown = ", ".join(map(str, log.damaged[:_SHOWN])) + (", ..." if len(log.damaged) > _SHOWN else "")
         notes.append(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})")

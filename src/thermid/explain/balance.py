@@ -154,6 +154,7 @@ class _Parts:
 
 def _together(values: list[float], errors: list[float]) -> tuple[float, float]:
     """Return the mean of what several sensors of one node say, weighted by their errors, and its standard error, as wide as they differ."""
+    # weighted mean, its error widened by the root of chi^2 / (n - 1) where that is above 1 (Birge's ratio)
     weights = np.maximum(np.array(errors), 1e-12) ** -2.0
     mean, size = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
     apart = float(weights @ (np.array(values) - mean) ** 2) / max(len(values) - 1, 1)

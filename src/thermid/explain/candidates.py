@@ -637,13 +637,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
     def later(delay: float) -> Callable[[Request], Request]:
         def make(request: Request) -> Request:
-            records = []
-            for r in request.records:
-                made = []
-                for c in (c for n, c in r.channels.items() if n in driven):
-                    at = np.maximum(np.searchsorted(r.times, r.times - delay + 1e-9, side="right") - 1, 0)
-                    made.append(replace(c, values=c.values[at], valid=c.valid[at]))
-                records.append(r.with_channels(*made))
+            records = [r.delayed(delay, own) if (own := [n for n in driven if n in r.channels]) else r for r in request.records]
             return replace(request, records=tuple(records), name=f"{request.name or request.model.title} with a delay")
 
         return make
@@ -652,7 +646,8 @@ def _late(request: Request) -> Iterator[MissingElement]:
         make, delay = later(count * step), count * step
 
         def judge(found: Any, delay: float = delay) -> tuple[str, bool]:
-            return f"{short(delay, 3)} s", True
+            line = f"prepare = [{{ delay = {{ by = ['0 [s]', '{short(2.0 * delay, 3)} [s]'] }} }}]"
+            return f"{short(delay, 3)} s. To fit the delay, write into the record: {line}", True
 
         yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make)
 

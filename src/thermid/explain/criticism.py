@@ -40,6 +40,8 @@ def ljung_box(residuals: Array) -> tuple[float, float]:
     if lags < 1 or power <= 0:
         return 0.0, 1.0
     rho = np.array([float(z[k:] @ z[:-k]) / power for k in range(1, lags + 1)])
+    # Q = n (n + 2) sum rho_k^2 / (n - k), chi-squared with as many degrees of freedom as lags (Ljung and Box, Biometrika 65 (1978) 297);
+    # its upper tail is gammaincc(lags / 2, Q / 2)
     statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
     return float(rho[0]), float(gammaincc(0.5 * lags, 0.5 * statistic))
 
@@ -59,6 +61,7 @@ def periodogram(residuals: Array) -> tuple[float, float]:
         return 0.0, 1.0
     line = np.arange(1, share.size + 1) / share.size
     # noise that changes sign too often lies below the line, and no element is missing for that
+    # 1.36 / sqrt(m): 95 % point of Kolmogorov's distribution
     return max(0.0, float((share - line).max())), float(1.36 / np.sqrt(share.size - 1))
 
 
@@ -87,6 +90,7 @@ def trace_likelihood(z: Array, modes: list[tuple[Array, Array]], least: float) -
     calm = max(float(z @ z) / n, least**2)
     best = -0.5 * n * float(np.log(calm)) - 0.5 * float(z @ z) / calm
     for sizes, vectors in modes:
+        # in the eigenbasis of the correlations variances are w (1 + ratio size); the likeliest w is the mean of z^2 / (1 + ratio size)
         variances = 1.0 + np.geomspace(1e-2 / sizes[-1], 1e3, 40)[:, None] * sizes
         squares = ((vectors.T @ z) ** 2 / variances).sum(axis=1)
         own = np.maximum(squares / n, least**2)
@@ -363,6 +367,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
             if square > 1e-9 * max(1.0, float(x @ x)) * 1e-3 and n > 3:
                 slope = float(spread @ z) / square
                 left = z - z.mean() - slope * spread
+                # standard error of a slope, widened by sqrt(n / n_eff) because neighbours repeat each other
                 slopes[name] = slope, float(np.sqrt(left @ left / max(n - 2, 1) / square * n / max(effective, 3.0)))
         lag, chance = ljung_box(z)
         distance, band = periodogram(z)

@@ -322,12 +322,15 @@ def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
 
 def _best(c: Fault, own: float, cross: float) -> tuple[float, float]:
     """Return the likeliest amount, and its curvature."""
+    # amount ~ N(0, size^2): the posterior's precision is own + 1 / size^2, its mean cross / precision
     square = own + 1.0 / c.size**2
     amount = cross / square
     return (max(amount, 0.0) if c.one_sided else amount), square
 
 
 def _evidence(c: Fault, z: Array, left: Array, rest: Array, amount: float, square: float) -> Tried:
+    # ln of the Bayes factor by Laplace: half the fall of the squares, the prior's penalty with it, less half of ln(size^2 precision);
+    # of a one-sided amount the prior is twice as dense
     gain = 0.5 * (float(z @ z) - float(left @ left) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))
     gain += float(np.log(2.0)) if c.one_sided and amount > 0 else 0.0
     return gain, amount, float(square**-0.5), float(left @ left), float(np.sqrt(np.mean(rest**2)))

@@ -278,6 +278,7 @@ class RoughFit:
         columns = np.zeros((end.rows.size, size - 2))
         columns[first : first + size] = t.whiten @ (shape[:, None] * (np.arange(size)[:, None] >= np.arange(size - 2)[None, :]))
         columns -= basis @ (basis.T @ columns)
+        # a further column c, cleared of what the slopes span, takes (c'r)^2 / (c'c + 1 / sd^2) off the squares
         return int(np.argmax((columns.T @ left) ** 2 / (np.sum(columns**2, axis=0) + 1.0 / sd**2)))
 
     def solve(self, start: Array, rounds: int = ROUNDS) -> RoughEnd:
@@ -293,6 +294,7 @@ class RoughFit:
         here = self.at(np.clip(start, low, high))
         damping = 1e-3
         for _ in range(rounds):
+            # (J'J + damping diag J'J) step = -J'r (Marquardt, J. SIAM 11 (1963) 431)
             normal, force = here.slopes.T @ here.slopes, here.slopes.T @ here.rows
             step = -np.linalg.solve(normal + np.diag(damping * np.diag(normal) + 1e-12 * max(1.0, float(np.trace(normal)))), force)
             x = np.clip(here.x + np.clip(step, -STEP, STEP), low, high)

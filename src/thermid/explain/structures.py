@@ -577,6 +577,7 @@ def _without(own: Sequence[tuple[Array, Array]], whole: Array, priors: Array, ki
     full = whole + priors.T @ priors
     size = np.sqrt(np.maximum(np.diag(full), 1e-300))
     held = np.where(local, 1.0, np.where(log, 1.0 / (NEAR * size) ** 2, 1e-6)) + 1e-9
+    # normal equations without the part: (J'J + P'P - J_p'J_p) shift = J_p'r_p, in units where their diagonal is 1
     matrix = (full - cross) / np.outer(size, size) + np.diag(held)
     shift = np.where(local, 0.0, np.linalg.solve(matrix, slope / size) / size)
     if local.any():

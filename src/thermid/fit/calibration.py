@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -185,7 +186,7 @@ class Calibration(Renamed, Result):
         now = {**rests, f"stage '{self.stage}'": made.standing}
         return replace(made, values=self.values.judged(made.standing), store=self.store.judged(now))
 
-    @property
+    @cached_property
     def fitted_model(self) -> Model:
         """The model with the fitted values laid over it."""
         return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")

@@ -379,11 +379,13 @@ def alike(keys: Sequence[Key], unsaid: Mapping[Key, float]) -> Array:
 
 def _radiative(c: FlatConductor, coefficient: float, at: OperatingPoint, values: Mapping[str, Any]) -> tuple[float, float]:
     """Return mean and standard deviation of the part of a coefficient that is radiation: any emissivity, or the one that the deck gives."""
+    # h_r = 4 eps sigma T^3 of a grey body in large surroundings, as a share of the coefficient (Incropera, 6th ed., Eq. 1.9 at T = T_sur)
     black = 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9)
     if c.emissivity:
         known = min(1.0, value_of(values[c.emissivity]) * black)
         return known, FINISH * known
     most = min(1.0, BLACKEST * black)
+    # uniform from 0 to the most
     return 0.5 * most, most / float(np.sqrt(12.0))
 
 

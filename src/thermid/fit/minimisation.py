@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import IdentificationError, MissingExtraError, SolverError, refuse_unknown
-from thermid.extensions import missing
+from thermid.errors import IdentificationError, SolverError, refuse_unknown
+from thermid.extensions import optional
 from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
 from thermid.linear_algebra import NOTHING, Array, covariance, finite, pseudo_inverse, sandwich
@@ -511,21 +510,8 @@ def _differential(population: Population, seed: int) -> Evolved:
     return Evolved(np.asarray(found.x), float(found.fun), count)
 
 
-def package(name: str, what: str) -> Any:
-    """Return an optional package.
-
-    Raises
-    ------
-    MissingExtraError   When it is not installed; the message says which command installs it.
-    """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise MissingExtraError(missing([name], what)) from error
-
-
 def _adapted(population: Population, seed: int) -> Evolved:
-    cma = package("cma", "covariance matrix adaptation")
+    cma = optional("cma", "covariance matrix adaptation")
     size = population.at.size
     if size == 1:
         raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")

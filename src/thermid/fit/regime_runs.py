@@ -22,7 +22,7 @@ from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
 from thermid.fit.uncertainty.noise import stretch_means
-from thermid.linear_algebra import Array, Indices, symmetric_inverse
+from thermid.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.model.laws.signal import Signal, TableSignal
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.model.tree.identity import identity_of
@@ -332,6 +332,7 @@ class Stack:
 
     def logs(self, sizes: Mapping[str, float], group: str) -> Array:
         """Return the log-likelihood of each size of a group that is tried, the others held."""
+        # ln N(r; 0, v) = -(ln v + r^2 / v) / 2 but for a constant, with v = inner + sum of unit size^2
         rest = self.inner + sum(self.unit[g] * sizes[g] ** 2 for g in self.unit if g != group)
         variance = rest[None, :] + grid_of(group)[:, None] ** 2 * self.unit[group][None, :]
         return np.asarray(-0.5 * (np.log(variance) + self.squares / variance) @ self.weight)
@@ -420,6 +421,7 @@ def _responses(problem: Problem, kinds: Mapping[str, Sequence[RegimeRun]]) -> di
     for kind, several in kinds.items():
         cross[kind] = np.zeros((len(shared), several[0].deviating.shape[1]))
         for run in several:
+            # least squares: (P + sum X'WX)^-1 X'WD, X the shared unknowns less what the run's own values follow, D the deviations
             weighed = run.left(run.shared).T * run.weights
             known = known + weighed @ run.shared
             cross[kind] = cross[kind] + weighed @ run.deviating
@@ -430,12 +432,14 @@ def _responses(problem: Problem, kinds: Mapping[str, Sequence[RegimeRun]]) -> di
 def _units(run: RegimeRun, responses: Mapping[str, Array], groups: Array) -> dict[str, Array]:
     """Return group, or ``left`` -> what a unit of its size adds to the variance of the residuals of a run (rows,). [K^2]"""
     seen = run.left(run.shared)
+    # a deviation of another kind acts through the fit alone, X R; one of this kind also by itself, D - X R
     parts = sum((seen @ r) ** 2 for kind, r in responses.items() if kind != run.kind)
     parts = parts + (run.left(run.deviating) - seen @ responses[run.kind]) ** 2
     out = {g: parts[:, groups == g].sum(axis=1) for g in GROUPS if (groups == g).any()}
     through = np.eye(run.residuals.size) - run.own @ run.follows
     like = run.misfit[:, None] * run.wandering * run.misfit
-    out[LEFT] = np.einsum("ij,jk,ik->i", through, like, through)
+    # diag(T C T'), T = 1 - F: what wanders, less what the run's own values follow of it
+    out[LEFT] = quadratic_forms(through, like)
     return out
 
 
@@ -459,6 +463,7 @@ def _worth(run: RegimeRun, sizes: Mapping[str, float], groups: Array) -> float:
     wanders = (sizes[LEFT] * run.misfit)[:, None] * run.wandering * (sizes[LEFT] * run.misfit)
     whole = moved @ moved.T + through @ wanders @ through.T + np.diag(np.maximum(run.inner, 1e-6))
     size = np.sqrt(np.diag(whole))
+    # Satterthwaite: n^2 / sum of rho_ij^2, rho the correlations of the residuals
     return float(run.residuals.size**2 / np.sum((whole / size[:, None] / size) ** 2))
 
 
@@ -487,7 +492,9 @@ def _own_values(
             continue
         mean = float(np.mean([np.mean([off for off, _ in pairs]) for pairs in several.values()]))
         spread = ROOMS[:, None] ** 2 + every[:, 1][None, :]
+        # offsets are N(mean, sd^2 + error^2); the last term stands for the estimated mean (restricted likelihood), of the mean variance
         logs = -0.5 * np.sum(np.log(spread) + (every[:, 0] - mean) ** 2 / spread, axis=1) + 0.5 * np.log(spread.mean(axis=1))
+        # ln sd because each size that is tried stands for an equal step of its logarithm, then the half-normal prior
         sd = root_mean_square(ROOMS, logs + np.log(ROOMS) - 0.5 * (ROOMS / ROOM) ** 2)
         out.append(OwnValue(name, start, mean, sd, len(every)))
     return tuple(out)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
+from thermid.extensions import optional
 from thermid.fit.calibration import Calibration
-from thermid.fit.minimisation import box_of, package
+from thermid.fit.minimisation import box_of
 from thermid.fit.problem.residuals import Compressed, Problem, wanders
 from thermid.fit.problem.unknowns import Unknown
 from thermid.linear_algebra import Array, covariance
@@ -100,7 +101,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     ------
     IdentificationError   When emcee is missing, nothing was free, or the calibration was read from a file.
     """
-    emcee = package("emcee", "a posterior")
+    emcee = optional("emcee", "a posterior")
     density = _Density.of(fit).stretched(fit)
     size = len(density.at)
     count = walkers or max(12, 2 * size + 2)
@@ -182,7 +183,7 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     IdentificationError   When dynesty is missing, nothing was free, the noise of a sensor is not stated, or the calibration was read from
                           a file.
     """
-    dynesty = package("dynesty", "evidence")
+    dynesty = optional("dynesty", "evidence")
     density = _Density.of(fit)
     loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
     if loose:
@@ -293,6 +294,8 @@ class _Density:
         rows = np.concatenate([found.rows * scale, priors])
         others = np.setdiff1d(np.arange(x.size), self.at)
         slopes = np.concatenate([found.slopes * scale, prior_slopes])[:, others]
+        # Laplace: the integral of exp(-|r + J d|^2 / 2) over the others is exp(-|r|^2 / 2 + |J d*|^2 / 2) (2 pi)^(m/2) / sqrt(det J'J), d*
+        # the least-squares step (Tierney and Kadane, JASA 81 (1986) 82); `_width` has the factors of 2 pi and of the priors
         out = -0.5 * float(rows @ rows) - self._size()
         if others.size:
             step, *_ = np.linalg.lstsq(slopes, -rows, rcond=None)

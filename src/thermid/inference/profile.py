@@ -151,6 +151,7 @@ def spread_of(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -
     for k, error in zip(ks, errors, strict=True):
 
         def excess(log_spread: float, k: int = k, error: float = float(error)) -> float:
+            # ln of the standard error from (J'J / s^2 + P)^-1, over that of the fit
             rows = np.concatenate([data / np.exp(log_spread), priors])
             return float(0.5 * np.log(covariance(rows)[k, k]) - np.log(error))
 

@@ -7,15 +7,14 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
-from thermid.errors import MissingExtraError, ScenarioError
-from thermid.extensions import missing
+from thermid.errors import ScenarioError
+from thermid.extensions import optional
 from thermid.files import OWN, replacing, sweep
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
@@ -210,13 +209,13 @@ def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: s
 
 
 def _by_processes(job: Job, wanted: Sequence[tuple[int, int]], workers: int) -> Iterator[Chunk]:
-    joblib = _package("joblib")
+    joblib = optional("joblib", "a run on several processes")
     pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
     yield from pool(joblib.delayed(work)(job, first, members) for first, members in wanted)
 
 
 def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> Iterator[Chunk]:
-    distributed = _package("distributed")
+    distributed = optional("distributed", "a run on several processes")
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -230,16 +229,3 @@ def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> It
         except BaseException:
             client.cancel(futures)
             raise
-
-
-def _package(name: str) -> Any:
-    """Return an optional package.
-
-    Raises
-    ------
-    MissingExtraError   When it is not installed.
-    """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise MissingExtraError(missing([name], "a run on several processes")) from error

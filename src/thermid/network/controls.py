@@ -131,8 +131,8 @@ class ControlRow:
                 continue
             if guard.delay != FREE:
                 return guard.after
-            seen = sum(number(place) * at(node) for node, place in guard.nodes)
-            if guard.sign * (seen - number(guard.level)) >= 0.0:
+            reading = sum(number(place) * at(node) for node, place in guard.nodes)
+            if guard.sign * (reading - number(guard.level)) >= 0.0:
                 return guard.after
         return None
 
@@ -394,8 +394,8 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
     DeckError
     """
     for name in named:
-        given = controls[name].control
-        if given.kind in ("thermostat", "modes", "pid") or given.sample:
+        control = controls[name].control
+        if control.kind in ("thermostat", "modes", "pid") or control.sample:
             raise DeckError(
                 f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
                 "control, or simulate."

@@ -49,9 +49,9 @@ class Environment:
         wind = Constant(float(self.wind)) if isinstance(self.wind, int | float) else signal(self.wind, "m/s", "environment, wind")
         object.__setattr__(self, "wind", wind)
         for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
-            given: Any = getattr(self, name)
-            if isinstance(given, str) or not isinstance(given, Real):
-                object.__setattr__(self, name, literal(given, slot, f"environment, {name}"))
+            value: Any = getattr(self, name)
+            if isinstance(value, str) or not isinstance(value, Real):
+                object.__setattr__(self, name, literal(value, slot, f"environment, {name}"))
         for name in ("gas", "vented"):
             if not isinstance(getattr(self, name), str):
                 raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}")

@@ -146,20 +146,20 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple
     DeckError           When a surface under the sun has no absorptance, or under a sky no emissivity or facing.
     """
     canonical = flat.names.model.canonical
-    given: dict[str, Irradiation | Sky] = {}
+    sources: dict[str, Irradiation | Sky] = {}
     if "*" in irradiation:
         sky = irradiation["*"]
         if not isinstance(sky, Sky):
             raise ScenarioError(
                 "radiation on '*' must be an open sky. For a single plane give the name of its surface instead of '*'.", "irradiation"
             )
-        given = dict.fromkeys(_outdoors(flat, sky), sky)
+        sources = dict.fromkeys(_outdoors(flat, sky), sky)
     for raw, one in irradiation.items():
         if raw != "*":
             path = canonical(raw)
             refuse_unknown([path], flat.faces, "irradiation", f"no surface '{raw}'.", NameNotFoundError)
-            given[path] = one
-    return tuple(load for path, one in given.items() for load in _loads(path, flat.faces[path], one))
+            sources[path] = one
+    return tuple(load for path, one in sources.items() for load in _loads(path, flat.faces[path], one))
 
 
 def _outdoors(flat: Flat, sky: Sky) -> list[str]:
@@ -178,16 +178,16 @@ def _outdoors(flat: Flat, sky: Sky) -> list[str]:
     return out
 
 
-def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatLoad]:
+def _loads(path: str, face: FlatSurface, source: Irradiation | Sky) -> list[FlatLoad]:
     """Return the loads of one surface: solar by absorptance, long-wave by emissivity, a stream as it is."""
-    if isinstance(given, Sky):
-        outdoors, stream, solar, wave = True, None, True, given.radiates
+    if isinstance(source, Sky):
+        outdoors, stream, solar, wave = True, None, True, source.radiates
     else:
-        outdoors, stream = False, given.stream
-        solar, wave = any(getattr(given, name) is not None for name in SOLAR), given.infrared is not None or given.sky is not None
+        outdoors, stream = False, source.stream
+        solar, wave = any(getattr(source, name) is not None for name in SOLAR), source.infrared is not None or source.sky is not None
     if solar and "absorptance" not in face.fields:
         raise DeckError(f"'{path}' is in the sun but has no absorptance. Give one, or 0 if no sun can reach it.", face.where)
-    out = _sunlit(path, face, partial(_sun, given, face.facing)) if solar else []
+    out = _sunlit(path, face, partial(_sun, source, face.facing)) if solar else []
     if wave and not (outdoors and face.sees != face.to):
         if "emissivity" not in face.fields:
             message = f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out."
@@ -197,7 +197,7 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
                 f"'{path}' is a face of an enclosure, which computes its long-wave radiation already. Give a sky to outer surfaces only.",
                 face.where,
             )
-        out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, given, face, path)))
+        out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, source, face, path)))
     if stream is not None:
         out.append(_load(path, face, "stream", "", partial(_stream, stream)))
     return out
@@ -205,13 +205,13 @@ def _loads(path: str, face: FlatSurface, given: Irradiation | Sky) -> list[FlatL
 
 def _sunlit(path: str, face: FlatSurface, flux: Any) -> list[FlatLoad]:
     """Return what the sun on one surface heats: itself; in an enclosure also those on which falls what is reflected there."""
-    own = _load(path, face, "sun", "absorptance", flux)
+    load = _load(path, face, "sun", "absorptance", flux)
     if face.enclosed is None:
-        return [own]
+        return [load]
     fields, out = face.enclosed.fields(), []
     for name, node, share in face.enclosed.targets():
-        label = own.path if share.to == share.first else f"{own.path}.{name}"
-        out.append(replace(own, path=label, node=node, sensor=node, fields=fields, takes=(), recipe=share))
+        label = load.path if share.to == share.first else f"{load.path}.{name}"
+        out.append(replace(load, path=label, node=node, sensor=node, fields=fields, takes=(), recipe=share))
     return out
 
 
@@ -221,14 +221,14 @@ def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> Fla
     return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux, by)
 
 
-def _sun(given: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:
-    return given.sun(facing) or Constant(0.0)
+def _sun(source: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:
+    return source.sun(facing) or Constant(0.0)
 
 
-def _stream(given: Signal, boundaries: Given) -> Signal:
-    return given
+def _stream(flux: Signal, boundaries: Given) -> Signal:
+    return flux
 
 
-def _longwave(given: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
+def _longwave(source: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
     with errors_at(f"irradiation.{path}"):
-        return given.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
+        return source.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)

@@ -86,13 +86,13 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     massive = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is not None]
     massless = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is None]
     capacity = np.array([value_of(numbers.capacitances[network.nodes[k]] or 0.0) for k in massive])
-    heat, given = _conductances(network, numbers)
+    heat, driven = _conductances(network, numbers)
     loads = tuple(load.path for load in network.flat.loads)
     into = np.zeros((len(network.nodes), len(loads)))
     for k, load in enumerate(network.flat.loads):
         if load.node in network.nodes:
             into[network.nodes.index(load.node), k] = 1.0
-    everything = np.hstack((heat[:, massive], given, into))
+    everything = np.hstack((heat[:, massive], driven, into))
     weights = _weights(network, heat, everything, massless)
     reduced = (everything[massive] + heat[np.ix_(massive, massless)] @ weights) / capacity[:, None]
     nodes = tuple(network.nodes[k] for k in massive)
@@ -108,26 +108,26 @@ def _conductances(network: Network, numbers: Numbers) -> tuple[Array, Array]:
     """Return the heat into each node by the temperatures of the nodes (nodes, nodes) and of the boundaries (nodes, boundaries). [W/K]"""
     index = {name: k for k, name in enumerate(network.nodes)}
     outer = {name: k for k, name in enumerate(network.boundaries)}
-    heat, given = np.zeros((len(index), len(index))), np.zeros((len(index), len(outer)))
+    heat, driven = np.zeros((len(index), len(index))), np.zeros((len(index), len(outer)))
     for row in numbers.conductors:
         g = value_of(row.coefficients[0])
-        for here, there in (row.ends, row.ends[::-1]):
-            if here not in index or here == there or (row.form == "flow" and here == row.ends[0]):
+        for node, neighbour in (row.ends, row.ends[::-1]):
+            if node not in index or node == neighbour or (row.form == "flow" and node == row.ends[0]):
                 continue
-            heat[index[here], index[here]] -= g
-            if there in index:
-                heat[index[here], index[there]] += g
+            heat[index[node], index[node]] -= g
+            if neighbour in index:
+                heat[index[node], index[neighbour]] += g
             else:
-                given[index[here], outer[there]] += g
-    return heat, given
+                driven[index[node], outer[neighbour]] += g
+    return heat, driven
 
 
 def _weights(network: Network, heat: Array, everything: Array, massless: list[int]) -> Array:
     """Return what the temperature of each massless node takes from the states, boundaries and loads (massless, all of them)."""
-    own = -heat[np.ix_(massless, massless)]
+    inner = -heat[np.ix_(massless, massless)]
     temperatures = everything.shape[1] - len(network.flat.loads)
     try:
-        weights = np.asarray(np.linalg.solve(own, everything[massless]), dtype=np.float64)
+        weights = np.asarray(np.linalg.solve(inner, everything[massless]), dtype=np.float64)
     except np.linalg.LinAlgError:
         weights = np.zeros((len(massless), everything.shape[1]))
     # the weights of temperatures add up to one wherever a temperature is defined

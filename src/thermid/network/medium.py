@@ -74,11 +74,11 @@ def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
     if thin.held:
         steps = thin.drawn(end)
         return steps if isinstance(steps, TableSignal) else TableSignal(np.zeros(1), steps.at(np.zeros(1)), hold=True)
-    parts = [given.drawn(end) for given in (wind, pressure)]
-    knots = np.unique(np.concatenate([given.knots(0.0, end) for given in parts]))
-    each = 1 if any(isinstance(given, Sine) for given in parts) else PARTS if knots.size < 2000 else 4
-    at = np.unique(np.concatenate([np.linspace(a, b, each + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
-    return TableSignal(at, thin.at(at))
+    parts = [course.drawn(end) for course in (wind, pressure)]
+    knots = np.unique(np.concatenate([course.knots(0.0, end) for course in parts]))
+    each = 1 if any(isinstance(course, Sine) for course in parts) else PARTS if knots.size < 2000 else 4
+    times = np.unique(np.concatenate([np.linspace(a, b, each + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
+    return TableSignal(times, thin.at(times))
 
 
 @dataclass(frozen=True)
@@ -90,16 +90,16 @@ class Thinned:
         return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
 
 
-def levels_of(given: TableSignal) -> Array:
+def levels_of(course: TableSignal) -> Array:
     """Return speeds from nothing to the fastest (levels,). [m/s]"""
-    root = np.sqrt(given.bounds[1]) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
+    root = np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
     return np.asarray(root**2)
 
 
-def shares(given: TableSignal, levels: Array) -> list[TableSignal]:
+def shares(course: TableSignal, levels: Array) -> list[TableSignal]:
     """Return how much of each level a wind has in time; a laminar stream goes with the root of its speed. [-]"""
     root = np.sqrt(levels)
-    return [given.mapped(partial(_share, root, hat)) for hat in np.eye(levels.size)]
+    return [course.mapped(partial(_share, root, hat)) for hat in np.eye(levels.size)]
 
 
 def _share(root: Array, hat: Array, speed: Array) -> Array:
@@ -208,8 +208,8 @@ def _over_temperature(function: Any) -> Curve:
 
 def _plain(number: Number) -> float:
     """Return a number without derivatives; of many members the first, since a table is made once for all of them."""
-    found: Any = value_of(number)
-    return float(found.values[0] if hasattr(found, "values") else found)
+    value: Any = value_of(number)
+    return float(value.values[0] if hasattr(value, "values") else value)
 
 
 def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasState, signal: str = "") -> ConductorRow:
@@ -225,33 +225,33 @@ def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]
     """
     area, distance, share, factor = law.coefficients
     gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
-    own = GasState(gas, state.pressure, state.natural, key=state.key)
+    inside = GasState(gas, state.pressure, state.natural, key=state.key)
     molecular = area * (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0)
-    still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, own)
+    still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, inside)
     if "tilt" not in c.words:
         return (still,)
-    at = gas.at(ANCHOR)
-    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(at.prandtl))
+    fluid = gas.at(ANCHOR)
+    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(fluid.prandtl))
     curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
-    buoyancy = STANDARD_GRAVITY * float(at.expansion_at(ANCHOR) / (at.kinematic_viscosity * at.thermal_diffusivity()))
-    root = buoyancy**0.25 * distance**0.75 * own.natural
+    buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
+    root = buoyancy**0.25 * distance**0.75 * inside.natural
     moving = Law("natural", (factor * area * gas.k(ANCHOR) / distance, root))
-    return still, ConductorRow(c.path, c.ends, moving, curve, "", own.named("natural"))
+    return still, ConductorRow(c.path, c.ends, moving, curve, "", inside.named("natural"))
 
 
 def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
     """Return the rows of a surface with a correlation: gas at rest, and what natural convection and wind add to it."""
     area, length = law.coefficients
-    gas, at = state.gas, state.gas.at(ANCHOR)
+    gas, fluid = state.gas, state.gas.at(ANCHOR)
     name, orientation = c.words.get("htc.correlation", ""), c.words.get("htc.orientation", "vertical")
-    prandtl = float(at.prandtl)
+    prandtl = float(fluid.prandtl)
     scale = gas.k(ANCHOR) / length * area
-    buoyancy = STANDARD_GRAVITY * float(at.expansion_at(ANCHOR) / (at.kinematic_viscosity * at.thermal_diffusivity()))
+    buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
     root = buoyancy**0.25 * length**0.75 * state.natural
     moving = []
     for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
         # a stream at another pressure has the Reynolds number of one as much slower
-        forced = float(forced_plate_nusselt(speed * _plain(length) / float(at.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
+        forced = float(forced_plate_nusselt(speed * _plain(length) / float(fluid.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
         x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
         film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
@@ -277,11 +277,11 @@ def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
         )
     if state.pressure <= VACUUM_LIMIT or value_of(flux) == 0.0:
         return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
-    gas, at = state.gas, state.gas.at(ANCHOR)
+    gas, fluid = state.gas, state.gas.at(ANCHOR)
     if value_of(by_volume):
         flux = flux * (state.pressure / (gas.constant * ROOM))
     reynolds = flux * diameter / float(gas.mu(ANCHOR))
-    nusselt = duct_nusselt(reynolds, float(at.prandtl), diameter / length, developed)
+    nusselt = duct_nusselt(reynolds, float(fluid.prandtl), diameter / length, developed)
     htc = nusselt * float(gas.k(ANCHOR)) / diameter
     area = base + (fins * fin_efficiency(slope * htc**0.5) if value_of(fins) else 0.0)
     return ConductorRow(c.path, c.ends, Law("linear", (htc * area,)))
@@ -350,13 +350,13 @@ class Media:
 
     def _pressure(self, gas: str, environment: Environment) -> Signal:
         """Return the pressure of a gas node, that of a vented volume worked out."""
-        own: Signal = environment.pressure.drawn(self.seconds)
+        pressure: Signal = environment.pressure.drawn(self.seconds)
         if not environment.vented:
-            return own
+            return pressure
         if environment.vented == gas or self._environment(environment.vented).vented:
             raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
         outside = self._environment(environment.vented).pressure.drawn(self.seconds)
-        return vented(own, outside, environment.time_constant, f"environment.{gas}")
+        return vented(pressure, outside, environment.time_constant, f"environment.{gas}")
 
     def pressure(self, gas: str) -> Signal:
         """Return the pressure of a gas node in time; gases that share one share the signal. [Pa]"""
@@ -417,8 +417,8 @@ class Media:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
 
         def made() -> tuple[TableSignal, Array]:
-            given = stream(environment.wind, pressure, self.seconds)
-            return given, levels_of(given)
+            course = stream(environment.wind, pressure, self.seconds)
+            return course, levels_of(course)
 
         return self.memo.made(("stream", key), made)
 
@@ -517,10 +517,11 @@ class Media:
         self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None, state: str
     ) -> tuple[ConductorRow, ...]:
         """Return the rows of a coefficient that was fitted in air on the ground, where the gas is another or changes."""
-        own = self._environment(c.gas)
-        if own.gas != "air":
+        environment = self._environment(c.gas)
+        if environment.gas != "air":
             raise ScenarioError(
-                f"the coefficient of '{c.path}' applies to air and is not valid in {own.gas}. Give a correlation, or a gap.", c.where
+                f"the coefficient of '{c.path}' applies to air and is not valid in {environment.gas}. Give a correlation, or a gap.",
+                c.where,
             )
         radiation: tuple[ConductorRow, ...] = ()
         kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
@@ -555,9 +556,9 @@ class Media:
             return (row(air),)
         if not (radiating or self.as_printed):
             raise self._unknown_share(c)
-        left = bare if self.as_printed else radiating[0]
+        remaining = bare if self.as_printed else radiating[0]
         if state == "vacuum":
-            return (row(left),)
+            return (row(remaining),)
         if self._environment(c.gas).gas != "air":
             raise ScenarioError(
                 f"the coefficient of '{c.path}' applies to air and is not valid in {self._environment(c.gas).gas}. Give a "
@@ -566,10 +567,10 @@ class Media:
             )
         if state == "jumping":
             key = self._key(c.gas)
-            return row(air, f"gas {key}"), row(left, f"no gas {key}")
+            return row(air, f"gas {key}"), row(remaining, f"no gas {key}")
         at = self._gas(c.gas, c.where)
         share = (1.0, 1.0) if at.key else (at.natural, 1.0 - at.natural)
-        return row(share[0] * air, at.named("natural")), row(share[1] * left, at.named("rest"))
+        return row(share[0] * air, at.named("natural")), row(share[1] * remaining, at.named("rest"))
 
     @staticmethod
     def _unknown_share(c: FlatConductor) -> ScenarioError:
@@ -635,8 +636,8 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
             )
 
 
-def _gases(found: Mapping[str, str]) -> str:
-    return quoted(list(dict.fromkeys(found.values())))
+def _gases(gases: Mapping[str, str]) -> str:
+    return quoted(list(dict.fromkeys(gases.values())))
 
 
 def _where(flat: Flat, path: str) -> str:
@@ -691,9 +692,9 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
 
 def _through_gas(flat: Flat) -> dict[str, FlatConductor]:
     """Return what carries heat through gas alone, or through gas and by radiation: surfaces, gaps, leads by their paths in a deck."""
-    found = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
+    paths = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
     leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
-    return found | {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
+    return paths | {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
 
 
 def _radiates(flat: Flat, path: str, c: FlatConductor, values: Mapping[str, Any]) -> bool:

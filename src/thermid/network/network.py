@@ -23,7 +23,7 @@ from thermid.model.laws.stores import HeatStore
 from thermid.model.parts.controls import COMPLEMENT
 from thermid.model.parts.kinds import Law
 from thermid.model.parts.takes import exposed_area
-from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, unclosed
+from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten, into_gas, radiates_into, streams_of, unclosed
 from thermid.model.tree.model import Model
 from thermid.network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.network.irradiation import absorbers
@@ -112,7 +112,12 @@ class Network:
     @property
     def streams(self) -> Streams:
         """The streams of gas, at the model's own values."""
-        return self.memo.made("streams", lambda: Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media))
+        return self.memo.made("streams", self._streams)
+
+    def _streams(self) -> Streams:
+        if not streams_of(self.flat.conductors):
+            return Streams((), {}, {}, {}, self.media)
+        return Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media)
 
     def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:
         """Return the rows at the model's own values, or with some replaced.
@@ -130,8 +135,8 @@ class Network:
 
     def parts(self, overrides: Mapping[str, Number] | None = None) -> Mapping[str, Any]:
         """Return parameters and rows by element, as `numbers` has them; `varied` starts from these."""
-        given = dict(overrides or {})
-        return self._evaluate(given, self._static()) if given else self._static()
+        replaced = dict(overrides or {})
+        return self._evaluate(replaced, self._static()) if replaced else self._static()
 
     def varied(self, kept: Mapping[str, Any], overrides: Mapping[str, Number], names: tuple[str, ...]) -> Varied:
         """Return what depends on some parameters at other values of these, and only that.
@@ -213,7 +218,7 @@ class Network:
         if not self.flat.controls:
             return ()
         by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
-        named = {name for several in by for name in control_names(several)} | set(self.steered)
+        named = {name for names in by for name in control_names(names)} | set(self.steered)
         return tuple(name for name in self.flat.controls if name in named)
 
     def _rows(self, c: FlatConductor, values: Mapping[str, Any]) -> tuple[ConductorRow, ...]:
@@ -230,16 +235,16 @@ class Network:
             raise DeckError(f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.", c.where)
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
-        if c.path in self.streams:
+        if c.kind == "flow" and c.path in self.streams:
             return _both_ways(c, replace(self.streams.row(c, laws[0]), controls=c.controls))
         with errors_at(c.where):
             laws = tuple(piece for law in laws for piece in law.pieces())
         emissivity = values[c.emissivity] if c.emissivity else None
         # a fit at its bound of 1 may lie a rounding above
-        for given in (emissivity, fields.get("emissivity")):
-            if given is not None and not 0.0 <= value_of(given) <= 1.0 + 1e-6:
+        for number in (emissivity, fields.get("emissivity")):
+            if number is not None and not 0.0 <= value_of(number) <= 1.0 + 1e-6:
                 raise DeckError(
-                    f"the emissivity of '{c.path}' is {value_of(given):.4g}; give 0 to 1.",
+                    f"the emissivity of '{c.path}' is {value_of(number):.4g}; give 0 to 1.",
                     c.where,
                 )
         rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
@@ -266,14 +271,14 @@ def _signs(number: Number) -> tuple[Number, Number]:
 
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
     """Return m c or C, or None for a massless node. [J/K]"""
-    found: Number | None = node.capacitance(values)
-    if found is None:
+    capacitance: Number | None = node.capacitance(values)
+    if capacitance is None:
         return None
-    if not value_of(found) > 0 or not np.isfinite(value_of(found)):
+    if not value_of(capacitance) > 0 or not np.isfinite(value_of(capacitance)):
         raise DeckError(
             "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.", node.where
         )
-    return found
+    return capacitance
 
 
 def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]:
@@ -434,12 +439,12 @@ def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
         return reduced
     capacitances, rows, stored = dict(reduced.capacitances), list(reduced.conductors), {}
     for node, store in stores.items():
-        own, capacitance = held_in(node), capacitances[node]
+        held, capacitance = held_in(node), capacitances[node]
         if capacitance is None:
             continue
-        capacitances |= {node: None, own: capacitance}
-        stored[own] = (node, store)
-        tie = ConductorRow(own, (own, node), Law("potential", (QUICK * capacitance,)), store.curve)
+        capacitances |= {node: None, held: capacitance}
+        stored[held] = (node, store)
+        tie = ConductorRow(held, (held, node), Law("potential", (QUICK * capacitance,)), store.curve)
         if store.melt is None:
             rows.append(tie)
             continue
@@ -552,13 +557,13 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
             joined[a].add(b)
             if row.form != "flow":  # a stream carries the temperature of its first end alone
                 joined[b].add(a)
-    left = set(network.nodes) - _spread(network.boundaries, joined)
-    joined = {n: {m for m in left if m in joined[n] or n in joined[m]} for n in left}
+    isolated = set(network.nodes) - _spread(network.boundaries, joined)
+    joined = {n: {m for m in isolated if m in joined[n] or n in joined[m]} for n in isolated}
     out = []
-    while left:
-        first = next(n for n in network.nodes if n in left)
-        group = _spread((first,), joined) & left
-        left -= group
+    while isolated:
+        first = next(n for n in network.nodes if n in isolated)
+        group = _spread((first,), joined) & isolated
+        isolated -= group
         members = tuple(n for n in network.nodes if n in group)
         heat = sum(powers.get(load.path, 0.0) for load in network.flat.loads if load.node in members)
         capacity = sum(value_of(c) for n in members if (c := numbers.capacitances.get(n)) is not None)
@@ -569,9 +574,9 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
 
 def _spread(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
     """Return every node that can be reached from `start`."""
-    seen, edge = set(start), list(start)
+    reached, edge = set(start), list(start)
     while edge:
-        fresh = joined[edge.pop()] - seen
-        seen |= fresh
+        fresh = joined[edge.pop()] - reached
+        reached |= fresh
         edge += fresh
-    return seen
+    return reached

@@ -57,28 +57,28 @@ EDGE: Final = 1e-9
 """How far outside its points a table that is refused there may still be read: what rounding makes of a boundary at its end. [K]"""
 
 
-def curve_arrays(given: Curve, refuse: bool = False) -> tuple[Array, Array, Array]:
+def curve_arrays(curve: Curve, refuse: bool = False) -> tuple[Array, Array, Array]:
     """Return knots, values and slopes of a table for the kernel, no slopes for straight lines.
 
     With `refuse` a table has no values outside its limits, so that a run that leaves them ends; else it is held there.
     """
-    x, y, d = whole(given)
-    if refuse and given.limits is not None:
-        inside = (x >= given.limits[0]) & (x <= given.limits[1])
+    x, y, d = whole(curve)
+    if refuse and curve.limits is not None:
+        inside = (x >= curve.limits[0]) & (x <= curve.limits[1])
         x, y, d = x[inside], y[inside], None if d is None else d[inside]
         first, last = (0.0, 0.0) if d is None else (d[0], d[-1])
-        if np.isfinite(given.limits[0]):
+        if np.isfinite(curve.limits[0]):
             x, y = np.r_[x[0] - (FAR, EDGE), x], np.r_[np.nan, y[0] - EDGE * first, y]
             d = None if d is None else np.r_[0.0, first, d]
-        if np.isfinite(given.limits[1]):
+        if np.isfinite(curve.limits[1]):
             x, y = np.r_[x, x[-1] + (EDGE, FAR)], np.r_[y, y[-1] + EDGE * last, np.nan]
             d = None if d is None else np.r_[d, last, 0.0]
     return x, y, np.zeros(0) if d is None else d
 
 
-def tables_behind(form: str, given: Curve) -> tuple[Curve, ...]:
+def tables_behind(form: str, curve: Curve) -> tuple[Curve, ...]:
     """Return the tables that a law looks up, one behind the other; behind those of a potential stands the table as written."""
-    return (given, *(given.film[:1] if form == "potential" else given.film))
+    return (curve, *(curve.film[:1] if form == "potential" else curve.film))
 
 
 def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:

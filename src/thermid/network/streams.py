@@ -84,24 +84,24 @@ class Streams:
         """
         sources = self.sources(path) if by_volume(self._named[path]) else {}
         line = self.lines[path]
-        several, place = self.memo.made(line, lambda: self._pressures(line))
+        pressures, place = self.memo.made(line, lambda: self._pressures(line))
         warm = {n: temperatures[n] for n in sources if n in temperatures}
-        at = {n: len(several) + k for k, n in enumerate(warm)}
+        place_of = {n: len(pressures) + k for k, n in enumerate(warm)}
 
         def flow(*given: Any) -> Any:
-            there = np.all([p > VACUUM_LIMIT for p in given[: len(several)]], axis=0)
+            present = np.all([p > VACUUM_LIMIT for p in given[: len(pressures)]], axis=0)
             if not sources:
-                return 1.0 * there
-            dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[at[n]] if n in at else 1.0) for n in sources]
-            return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * there
+                return 1.0 * present
+            dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[place_of[n]] if n in place_of else 1.0) for n in sources]
+            return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * present
 
-        return Mixed(flow, (*several, *warm.values())).drawn(self.media.seconds)
+        return Mixed(flow, (*pressures, *warm.values())).drawn(self.media.seconds)
 
     def _pressures(self, line: tuple[str, ...]) -> tuple[list[Signal], dict[str, int]]:
         """Return the pressures of a line, one for all gases that share it, and node -> its place among them."""
         pressures = {n: self.media.pressure(n) for n in line}
-        several = {id(s): s for s in pressures.values()}
-        return list(several.values()), {n: list(several).index(id(s)) for n, s in pressures.items()}
+        distinct = {id(s): s for s in pressures.values()}
+        return list(distinct.values()), {n: list(distinct).index(id(s)) for n, s in pressures.items()}
 
     def still(self, path: str) -> Drawn:
         """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
@@ -131,9 +131,9 @@ class Streams:
         specific_heat : float   Written beside the flow. [J/(kg K)]
         """
         c, course = self._named[path], self.still(path)
-        gas, there = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
+        gas, factor = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
         density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
-        return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (there * density * specific_heat) if there else 0.0
+        return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (factor * density * specific_heat) if factor else 0.0
 
     def signals(self) -> dict[str, Signal]:
         """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""
@@ -153,9 +153,9 @@ class Streams:
         before: Number = 1.0 - sum(sources.values())
         after: Number = before
         for n, share in sources.items():
-            given = boundaries[n]
-            mean = given.mean_over(0.0, self.media.seconds)
-            now = offsets[n] if isinstance(given, Constant) else offsets[n] + mean
+            boundary = boundaries[n]
+            mean = boundary.mean_over(0.0, self.media.seconds)
+            now = offsets[n] if isinstance(boundary, Constant) else offsets[n] + mean
             before, after = before + share / mean * STANDARD, after + share * STANDARD / now
         return after / before
 
@@ -167,9 +167,9 @@ class Streams:
             gone = self._gone(c.path, end)
             if gone is not None:
                 stopped.setdefault((fluid_of(c), gone), []).append(c)
-        for (fluid, begin), several in stopped.items():
-            which, many = quoted([c.path for c in several]), len(several) > 1
-            empty = [n for n in dict.fromkeys(n for c in several for n in self.lines[c.path]) if self._emptied(n, end)]
+        for (fluid, begin), group in stopped.items():
+            which, many = quoted([c.path for c in group]), len(group) > 1
+            empty = [n for n in dict.fromkeys(n for c in group for n in self.lines[c.path]) if self._emptied(n, end)]
             when = f" from {begin:g} s" if begin > 0.0 else ""
             yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}"
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
@@ -204,8 +204,8 @@ class Streams:
         return float(max(times[none.argmax()], 0.0)) if none.any() else None
 
     def _emptied(self, node: str, end: float) -> bool:
-        given = self.media.pressure(node)
-        return bool((given.at(np.append(given.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
+        pressure = self.media.pressure(node)
+        return bool((pressure.at(np.append(pressure.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
 
 
 def signal_of(path: str) -> str:
@@ -220,27 +220,27 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
     """
     entered = [n for n in dict.fromkeys(c.ends[1] for c in streams) if n in inner]
     first = _fed(streams, entered)
-    at = {n: k for k, n in enumerate(entered) if n in first}
-    known = [c.path for c in streams if c.ends[0] not in at]
+    index = {n: k for k, n in enumerate(entered) if n in first}
+    origins = [c.path for c in streams if c.ends[0] not in index]
     flows = {c.path: float(flow_of(c, values)) for c in streams}
     least = 1e-12 * max(flows.values(), default=0.0) or 1.0
-    matrix, right = np.zeros((len(entered), len(entered))), np.zeros((len(entered), len(known)))
+    matrix, right = np.zeros((len(entered), len(entered))), np.zeros((len(entered), len(origins)))
     for c in streams:
         flow = max(flows[c.path], least)
-        if c.ends[1] not in at:
+        if c.ends[1] not in index:
             continue
-        k = at[c.ends[1]]
+        k = index[c.ends[1]]
         matrix[k, k] += flow
-        if c.ends[0] in at:
-            matrix[k, at[c.ends[0]]] -= flow
+        if c.ends[0] in index:
+            matrix[k, index[c.ends[0]]] -= flow
         else:
-            right[k, known.index(c.path)] += flow
-    rows = list(at.values())
-    mixed = dict(zip(at, np.linalg.solve(matrix[np.ix_(rows, rows)], right[rows]), strict=True)) if rows else {}
+            right[k, origins.index(c.path)] += flow
+    rows = list(index.values())
+    mixed = dict(zip(index, np.linalg.solve(matrix[np.ix_(rows, rows)], right[rows]), strict=True)) if rows else {}
     out = {}
     for c in streams:
         x = mixed.get(c.ends[0])
-        out[c.path] = {c.path: 1.0} if x is None else {s: float(v) for s, v in zip(known, x, strict=True) if v > 0.0}
+        out[c.path] = {c.path: 1.0} if x is None else {s: float(v) for s, v in zip(origins, x, strict=True) if v > 0.0}
     return out
 
 
@@ -249,14 +249,14 @@ def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
     after: dict[str, list[str]] = {}
     for c in streams:
         after.setdefault(c.ends[0], []).append(c.ends[1])
-    own = set(entered)
+    inner = set(entered)
     out: set[str] = set()
-    todo = [n for start, ends in after.items() if start not in own for n in ends]
+    todo = [n for start, ends in after.items() if start not in inner for n in ends]
     while todo:
-        here = todo.pop()
-        if here in own and here not in out:
-            out.add(here)
-            todo += after.get(here, ())
+        node = todo.pop()
+        if node in inner and node not in out:
+            out.add(node)
+            todo += after.get(node, ())
     return out
 
 
@@ -266,8 +266,8 @@ def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple
     line: dict[str, list[str]] = {}
     for c in streams:
         joined = list(dict.fromkeys(id(line[n]) for n in c.ends if n in passed and n in line))
-        found = {id(each): each for each in line.values()}
-        nodes = list(dict.fromkeys([*(n for key in joined for n in found[key]), *c.ends]))
+        lines = {id(each): each for each in line.values()}
+        nodes = list(dict.fromkeys([*(n for key in joined for n in lines[key]), *c.ends]))
         line |= dict.fromkeys((n for n in nodes if n in passed), nodes)
     return {c.path: tuple(next((line[n] for n in c.ends if n in passed), c.ends)) for c in streams}
 

@@ -103,14 +103,14 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
     """
     refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
-    found = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
-    if "vertical_plate" in found.name and orientation != "vertical":
-        raise DeckError(f"'{found.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.", where)
-    if found.facing and orientation == "vertical":
+    row = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
+    if "vertical_plate" in row.name and orientation != "vertical":
+        raise DeckError(f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.", where)
+    if row.facing and orientation == "vertical":
         raise DeckError(
-            f"'{found.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.", where
+            f"'{row.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.", where
         )
-    return found
+    return row
 
 
 def _of_library(name: str, where: str) -> NusseltLaw:
@@ -127,15 +127,15 @@ def _of_library(name: str, where: str) -> NusseltLaw:
         ) from None
     function: Any = getattr(library, name, None)
     if function is None:
-        known = [n for n in library.__all__ if n.startswith("Nu_")]
-        raise DeckError(f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *known])}", where)
+        library_names = [n for n in library.__all__ if n.startswith("Nu_")]
+        raise DeckError(f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *library_names])}", where)
     from inspect import signature
 
-    given = signature(function).parameters
-    names = [n for n, p in given.items() if p.default is p.empty and n != "buoyancy"]
+    arguments = signature(function).parameters
+    names = [n for n, p in arguments.items() if p.default is p.empty and n != "buoyancy"]
     if names != ["Pr", "Gr"] or name.endswith("_methods"):
         raise DeckError(f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr are supported.", where)
-    facing = "buoyancy" in given and given["buoyancy"].default is not None  # None: of a vertical plate, which has it for its form
+    facing = "buoyancy" in arguments and arguments["buoyancy"].default is not None  # None: of a vertical plate, which has it for its form
 
     def nusselt(ra: float, pr: float, away: bool) -> float:
         return float(function(pr, ra / pr, buoyancy=away) if facing else function(pr, ra / pr))

@@ -37,13 +37,13 @@ def exchange_areas(factors: Array, areas: Array, emissivities: Array) -> Array:
     0.176
     """
     sent = _sent(areas[:, None] * factors, areas, emissivities)
-    found = emissivities[:, None] * (areas[:, None] * factors) @ sent
-    return np.asarray(0.5 * (found + found.T))
+    exchange = emissivities[:, None] * (areas[:, None] * factors) @ sent
+    return np.asarray(0.5 * (exchange + exchange.T))
 
 
-def _sent(seen: Array, areas: Array, emissivities: Array) -> Array:
+def _sent(area_factors: Array, areas: Array, emissivities: Array) -> Array:
     """Return the radiosity of each face (faces, faces) with one face after the other emitting as one black unit."""
-    return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * seen, np.diag(emissivities * areas)))
+    return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * area_factors, np.diag(emissivities * areas)))
 
 
 def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Sequence[Number]) -> list[list[Number]]:
@@ -88,13 +88,13 @@ def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Seq
     size = np.array([value_of(a) for a in areas])
     grey = np.array([value_of(e) for e in emissivities])
     values = exchange_areas(factors, size, grey)
-    found: list[list[Number]] = [[float(v) for v in row] for row in values]
+    exchange: list[list[Number]] = [[float(v) for v in row] for row in values]
     free = next((x.gradient.size for x in (*areas, *emissivities) if isinstance(x, Dual)), 0)
     if not free:
-        return found
+        return exchange
     gradient = np.zeros((*values.shape, free))
-    for given, derivative in ((areas, _by_area), (emissivities, _by_emissivity)):
-        for k, number in enumerate(given):
+    for numbers, derivative in ((areas, _by_area), (emissivities, _by_emissivity)):
+        for k, number in enumerate(numbers):
             if isinstance(number, Dual):
                 one = derivative(factors, size, grey, k)
                 gradient += 0.5 * (one + one.T)[..., None] * number.gradient
@@ -103,27 +103,27 @@ def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Seq
 
 def _by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
     """Return d (exchange areas) / d area k, view factors kept."""
-    seen = areas[:, None] * factors
-    sent = _sent(seen, areas, grey)
-    more = np.zeros_like(seen)
+    area_factors = areas[:, None] * factors
+    sent = _sent(area_factors, areas, grey)
+    more = np.zeros_like(area_factors)
     more[k] = factors[k]
-    right = np.zeros_like(seen)
+    right = np.zeros_like(area_factors)
     right[k] = (1.0 - grey[k]) * (factors[k] @ sent) - sent[k]
     right[k, k] += grey[k]
-    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * seen, right)
-    return np.asarray(grey[:, None] * (more @ sent + seen @ change))
+    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * area_factors, right)
+    return np.asarray(grey[:, None] * (more @ sent + area_factors @ change))
 
 
 def _by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
     """Return d (exchange areas) / d emissivity k."""
-    seen = areas[:, None] * factors
-    sent = _sent(seen, areas, grey)
-    right = np.zeros_like(seen)
-    right[k] = -(seen[k] @ sent)
+    area_factors = areas[:, None] * factors
+    sent = _sent(area_factors, areas, grey)
+    right = np.zeros_like(area_factors)
+    right[k] = -(area_factors[k] @ sent)
     right[k, k] += areas[k]
-    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * seen, right)
-    out = grey[:, None] * (seen @ change)
-    out[k] += seen[k] @ sent
+    change = np.linalg.solve(np.diag(areas) - (1.0 - grey)[:, None] * area_factors, right)
+    out = grey[:, None] * (area_factors @ change)
+    out[k] += area_factors[k] @ sent
     return np.asarray(out)
 
 
@@ -145,14 +145,14 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
     if factors.min() < 0.0:
         i, j = np.argwhere(factors < 0.0)[0]
         raise DeckError(f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; it must not be negative.", where)
-    seen = areas[:, None] * factors
-    off = np.abs(seen - seen.T)
-    allowed = RECIPROCITY * np.maximum(seen, seen.T) + 1e-9 * areas.max()
+    shared = areas[:, None] * factors
+    off = np.abs(shared - shared.T)
+    allowed = RECIPROCITY * np.maximum(shared, shared.T) + 1e-9 * areas.max()
     if (off > allowed).any():
         i, j = divmod(int(np.argmax(off - allowed)), len(names))
         raise DeckError(
-            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {seen[i, j]:.5g} m^2 one way and "
-            f"{seen[j, i]:.5g} m^2 the other. Correct a factor or an area.",
+            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {shared[i, j]:.5g} m^2 one way and "
+            f"{shared[j, i]:.5g} m^2 the other. Correct a factor or an area.",
             where,
         )
     sums = factors.sum(axis=1)

@@ -218,8 +218,8 @@ def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None
     """Return the coefficients, and what their functions warned of."""
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always", ThermidWarning)
-        found = _correlations(hot, cold, height, box, air)
-    return found, [str(warning.message) for warning in heard]
+        numbers = _correlations(hot, cold, height, box, air)
+    return numbers, [str(warning.message) for warning in heard]
 
 
 def _biot(
@@ -289,10 +289,12 @@ def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...]
 
 def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:
     """State this where the area given is not that of the box given."""
-    own = 2 * (length * width + height * (length + width))
-    if abs(own - area) <= 0.02 * area:
+    outside = 2 * (length * width + height * (length + width))
+    if abs(outside - area) <= 0.02 * area:
         return []
-    return [f"the box has {own:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"]
+    return [
+        f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"
+    ]
 
 
 def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
@@ -329,19 +331,19 @@ def _settling(capacitance: str | float | None, after: str | float | None, conduc
     if not (heat > 0 and time > 0):
         raise ThermidError("a time constant needs a capacitance and a settling time above zero.", "compare_htc")
     first, middle, last = (time / -math.log(1.0 - part) for part in SETTLED)
-    found = Settling(heat / conductance, (first, middle, last))
-    if found.differs:
-        word = "slower" if found.ratio > 1 else "faster"
+    settling = Settling(heat / conductance, (first, middle, last))
+    if settling.differs:
+        word = "slower" if settling.ratio > 1 else "faster"
         remarks.append(
-            f"the settling time was {found.ratio:.2g} times that expected from m c/(h A): {time / 3600:.3g} h against "
-            f"{found.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. Possible causes of a {word} test: "
+            f"the settling time was {settling.ratio:.2g} times that expected from m c/(h A): {time / 3600:.3g} h against "
+            f"{settling.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. Possible causes of a {word} test: "
             + (
                 "additional mass, a drifting ambient, or a final approach below the sensor resolution"
-                if found.ratio > 1
+                if settling.ratio > 1
                 else "less mass than given, or a test that ended before steady state"
             )
         )
-    return found
+    return settling
 
 
 def biot_warning(biot: float, name: str = "this part") -> str:

@@ -68,6 +68,6 @@ def material(name: str) -> Material:
     130.0
     """
     if name not in MATERIALS:
-        known = ", ".join(MATERIALS)
-        raise NameNotFoundError(f"no material '{name}' in the table.{nearest(name, MATERIALS)} Known: {known}. Or give its values.")
+        names = ", ".join(MATERIALS)
+        raise NameNotFoundError(f"no material '{name}' in the table.{nearest(name, MATERIALS)} Known: {names}. Or give its values.")
     return MATERIALS[name]

@@ -224,33 +224,33 @@ class Placed:
 
     def sampled(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Return points on it and normals there (rays, 3), from two coordinates of 0 to 1 (rays,)."""
-        at, first = np.array(self.at), np.array(self.first)
+        origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "rectangle":
             second = np.array(self.second)
-            return at + u[:, None] * first + v[:, None] * second, np.broadcast_to(_unit(np.cross(first, second)), (u.size, 3))
+            return origin + u[:, None] * first + v[:, None] * second, np.broadcast_to(_unit(np.cross(first, second)), (u.size, 3))
         axis = _unit(first)
         across, beside = _frame(axis)
         angle = 2.0 * np.pi * v[:, None]
         round_ = np.cos(angle) * across + np.sin(angle) * beside
         if self.kind == "disc":
-            return at + self.radius * np.sqrt(u)[:, None] * round_, np.broadcast_to(axis, (u.size, 3))
-        return at + u[:, None] * first + self.radius * round_, -round_ if self.inside else round_
+            return origin + self.radius * np.sqrt(u)[:, None] * round_, np.broadcast_to(axis, (u.size, 3))
+        return origin + u[:, None] * first + self.radius * round_, -round_ if self.inside else round_
 
     def met(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
         """Return the distance at which rays meet it (rays,), infinite where they do not, and whether on the side that radiates."""
-        at, first = np.array(self.at), np.array(self.first)
+        origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "cylinder":
-            return self._met_round(start - at, ray, near)
+            return self._met_round(start - origin, ray, near)
         normal = _unit(np.cross(first, self.second)) if self.kind == "rectangle" else _unit(first)
         falling = ray @ normal
         with np.errstate(divide="ignore", invalid="ignore"):
-            far = ((at - start) @ normal) / falling
-            there = start + far[:, None] * ray - at
+            far = ((origin - start) @ normal) / falling
+            offset = start + far[:, None] * ray - origin
         if self.kind == "disc":
-            on = np.sum(there**2, axis=1) <= self.radius**2
+            on = np.sum(offset**2, axis=1) <= self.radius**2
         else:
             sides = np.array([self.first, self.second])
-            share = there @ np.linalg.solve(sides @ sides.T, sides).T
+            share = offset @ np.linalg.solve(sides @ sides.T, sides).T
             on = (share >= 0.0).all(axis=1) & (share <= 1.0).all(axis=1)
         good = on & (far > near) & np.isfinite(far)
         return np.where(good, far, np.inf), falling < 0.0
@@ -310,26 +310,26 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
     spread = max(float(np.linalg.norm(np.array(f.at) - np.array(faces[0].at))) + f.radius + float(np.sqrt(f.area)) for f in faces)
     golden = 1.1673039782614187
     even = (0.5 + np.outer(np.arange(1, rays + 1), golden ** -np.arange(1.0, 5.0))) % 1.0
-    seen = np.zeros((count, count))
+    shares = np.zeros((count, count))
     for i, face in enumerate(faces):
         start, normal = face.sampled(even[:, 0], even[:, 1])
         ray = _lambert(normal, even[:, 2], even[:, 3])
-        found = [other.met(start, ray, TOUCHING * spread) for other in faces]
-        far = np.column_stack([d + np.where(front, 0.0, 10.0 * TOUCHING * spread) for d, front in found])
+        crossings = [other.met(start, ray, TOUCHING * spread) for other in faces]
+        far = np.column_stack([d + np.where(front, 0.0, 10.0 * TOUCHING * spread) for d, front in crossings])
         first = np.argmin(far, axis=1)
         hit = np.isfinite(far[np.arange(rays), first])
-        front = np.column_stack([f for _, f in found])[np.arange(rays), first]
+        front = np.column_stack([f for _, f in crossings])[np.arange(rays), first]
         behind = hit & ~front
         for j in np.unique(first[behind]).tolist():
             if np.mean(behind & (first == j)) > LOST:
                 raise DeckError(
                     f"'{names[i]}' sees the back of '{names[j]}'. Define a separate face for that side, or exchange its sides.", where
                 )
-        seen[i] = np.bincount(first[hit & front], minlength=count) / rays
-    both = size[:, None] * seen
+        shares[i] = np.bincount(first[hit & front], minlength=count) / rays
+    both = size[:, None] * shares
     error = float((np.abs(both - both.T) / np.maximum(size[:, None], size[None, :])).max())
     joined = 0.5 * (both + both.T)
-    if (seen.sum(axis=1) > 1.0 - LOST).all():
+    if (shares.sum(axis=1) > 1.0 - LOST).all():
         for _ in range(200):  # a symmetric scaling that gives every row its area
             joined *= np.sqrt(np.outer(size / joined.sum(axis=1), size / joined.sum(axis=1)))
     return size, joined / size[:, None], error

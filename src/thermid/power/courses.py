@@ -135,6 +135,7 @@ def _profiled(request: Request, course: PowerCourse, low: float, high: float) ->
         best = min((best, *(max(grid[0], min(grid[-1], best + d)) for d in (-width, width))), key=cost)
         width *= 0.6
     sides = [best - 0.1, best + 0.1]
+    # second difference of half the chi-square over ln(time): one over the variance of ln(time)
     bend = (cost(sides[0]) - 2.0 * cost(best) + cost(sides[1])) / 0.01
     error = math.exp(best) / math.sqrt(bend) if bend > 0.0 and np.isfinite(bend) else math.inf
     return cost(best), replace(course, time=math.exp(best), error=error)

@@ -17,7 +17,7 @@ from thermid.fit.problem.request import Request, priors_of
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
-from thermid.linear_algebra import NOTHING, Array, Bools
+from thermid.linear_algebra import NOTHING, Array, Bools, quadratic_forms
 from thermid.linear_algebra import covariance as information_inverse
 from thermid.measure import Record
 from thermid.measure.amounts import duration_text, short
@@ -103,7 +103,7 @@ class PowerHistory(Result):
     def averaged(self, window: str) -> tuple[Array, Array, Array]:
         """Return the middle of every window [s], its mean power [W] and the standard deviation of that. [W]"""
         middle, weights = self.weights(window)
-        return middle, np.asarray(weights @ self.power), np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", weights, self.covariance, weights)))
+        return middle, np.asarray(weights @ self.power), np.sqrt(quadratic_forms(weights, self.covariance))
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -788,6 +788,7 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
             if levelled:
                 left = sides[0][0] @ z - sides[0][1]
                 data = scaled[0][0].T @ scaled[0][0]
+                # tr(H^-1 A'A): how many of the readings the unknowns take (effective parameters); the rest are degrees of freedom
                 worth = float(np.trace(np.linalg.solve(h, data)))
                 level = float(left @ left) / max(problem.samples - worth, 1.0)
         z = np.clip(z, low, high)
@@ -858,6 +859,8 @@ def _likeliest(
         h = data.copy()
         h[first:, first:] += smooth
         z = np.linalg.solve(h, right)
+        # evidence of a linear model: 2 ln p = ln|S| - ln|H| - (|g|^2 - b'H^-1 b), S the prior's precision, H = A'A + S
+        # (MacKay, Neural Computation 4 (1992) 415)
         logs = np.linalg.slogdet(smooth)[1] - np.linalg.slogdet(h)[1] - (square - float(right @ z))
         return 0.5 * float(logs), np.asarray(z), np.asarray(h)
 

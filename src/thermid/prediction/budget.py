@@ -31,7 +31,7 @@ from thermid.fit.regime_runs import kind_of_run
 from thermid.fit.regimes import FEW, LEFT, KindsSeen
 from thermid.knowledge.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import Array, square_root, symmetric_inverse
+from thermid.linear_algebra import Array, quadratic_forms, square_root, symmetric_inverse
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table
@@ -442,7 +442,7 @@ class Budget:
         out = {}
         for cause in dict.fromkeys(self.causes):
             own = [k for k, c in enumerate(self.causes) if c == cause]
-            out[cause] = np.einsum("ti,ij,tj->t", sized[:, own], self.alike[np.ix_(own, own)], sized[:, own])
+            out[cause] = quadratic_forms(sized[:, own], self.alike[np.ix_(own, own)])
         return out
 
     def beside(

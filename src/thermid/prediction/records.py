@@ -25,7 +25,7 @@ from thermid.fit.regime_runs import wandering
 from thermid.fit.regimes import KindsSeen, OwnValue
 from thermid.fit.uncertainty.noise import stretch_means
 from thermid.knowledge.store import LeftOut, Normal, Source
-from thermid.linear_algebra import Array, symmetric_inverse
+from thermid.linear_algebra import Array, quadratic_forms, symmetric_inverse
 from thermid.measure import Record
 from thermid.model.laws.signal import Constant, literal
 from thermid.model.parts.parameter import UNJUDGED, Standing
@@ -501,5 +501,5 @@ def _wanders(problem: Problem, end: Array, e: Experiment, grid: Array, misfit: A
     like = wandering(np.tile(few / span, len(e.observations)), sensors)
     sized = np.repeat(misfit, few.size)
     through = _followed(problem, end, e, few, np.eye(sized.size))
-    variance = np.einsum("ij,jk,ik->i", through, sized[:, None] * like * sized, through)
+    variance = quadratic_forms(through, sized[:, None] * like * sized)
     return np.concatenate([np.interp(grid, few, variance[sensors == k]) for k in range(len(e.observations))])

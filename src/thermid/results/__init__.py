@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from thermid.errors import MissingExtraError, ThermidError
-from thermid.extensions import missing
+from thermid.errors import ThermidError
+from thermid.extensions import optional
 
 if TYPE_CHECKING:
     import numpy as np
@@ -182,19 +181,6 @@ class Result:
         """
         found: xarray.Dataset = optional("xarray", "to_xarray").Dataset.from_dataframe(self.to_frame())
         return found
-
-
-def optional(name: str, purpose: str) -> Any:
-    """Return an optional package.
-
-    Raises
-    ------
-    MissingExtraError   When it is not installed; the message says which command installs it.
-    """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise MissingExtraError(missing([name.partition(".")[0]], purpose)) from error
 
 
 def names_of(result: object) -> list[str]:

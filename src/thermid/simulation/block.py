@@ -275,12 +275,12 @@ def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str 
     if kind:
         network, said = _stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
     kelvin, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
-    cells, at = kelvin.reshape(block.cells), np.array([float(time)])
+    cells, times = kelvin.reshape(block.cells), np.array([float(time)])
     names = (*EXTREMES, *block.heaters, *FACES)
     means = [float(kelvin[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
     watched = np.array([[kelvin.mean(), kelvin.max(), kelvin.min(), *means]])
-    grid = {"fields": cells[None], "final_field": cells, "field_times": at}
-    return _solution(block, scenario, network, names, at, watched, statistics, grid, None, said=said)
+    grid = {"fields": cells[None], "final_field": cells, "field_times": times}
+    return _solution(block, scenario, network, names, times, watched, statistics, grid, None, said=said)
 
 
 def steady_levels_of_block(block: Block, scenario: Scenario, most: int) -> tuple[BlockSolution, ...]:
@@ -349,8 +349,8 @@ def _watched(block: Block, name: str) -> Watched:
         return Watched("mean", block.heater_cells(name), weights)
     if name.startswith("cell"):
         return Watched("mean", np.array([block.place(name)], dtype=np.int32), weights)
-    known = [*EXTREMES, *FACES, *block.heaters, block.name(0)]
-    raise NameNotFoundError(f"a block has no '{name}' to watch.{nearest(name, known)}", block.title)
+    names = [*EXTREMES, *FACES, *block.heaters, block.name(0)]
+    raise NameNotFoundError(f"a block has no '{name}' to watch.{nearest(name, names)}", block.title)
 
 
 def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
@@ -364,16 +364,16 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
     _check(block, scenario, where)
     inputs: list[Drawn] = []
 
-    def place(given: Drawn) -> int:
-        if isinstance(given, Constant):
+    def place(drawn: Drawn) -> int:
+        if isinstance(drawn, Constant):
             return NONE
-        inputs.append(given)
+        inputs.append(drawn)
         return len(inputs) - 1
 
     boundaries = block.boundaries
-    given = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
-    offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in given])
-    places = tuple(place(s) for s in given)
+    signals = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
+    offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in signals])
+    places = tuple(place(s) for s in signals)
     rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
     loads = []
     for tag, (name, course) in enumerate(_powers(block, scenario).items()):
@@ -463,7 +463,7 @@ def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
 
 def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:
     """Return a network with every input at its mean over a span from zero [s]."""
-    return replace(network, inputs=tuple(mean_of(given, span) for given in network.inputs))
+    return replace(network, inputs=tuple(mean_of(drawn, span) for drawn in network.inputs))
 
 
 def _periodic(

@@ -124,10 +124,10 @@ class Ensemble(Result):
                 if s not in self.shares:
                     kept = ", ".join(f"{k:g}" for k in self.shares)
                     raise ScenarioError(f"the quantile {s:g} was not stored, only {kept}. Add it to 'quantiles'.", self.title)
-            found: Array = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
+            values: Array = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
         else:
-            found = np.quantile(self._whole(path), wanted, axis=1)
-        return found if np.ndim(share) else np.asarray(found[0])
+            values = np.quantile(self._whole(path), wanted, axis=1)
+        return values if np.ndim(share) else np.asarray(values[0])
 
     def mean(self, node: str) -> Array:
         """Return the mean temperature (times,) over the members. [K]"""
@@ -465,9 +465,9 @@ def assemble_members(wiring: Wiring, values: Mapping[str, Array], members: int) 
     """
     like = wiring.assemble()
     shape = (like.coefficients.size, like.initial.size)
-    made = _Collector(wiring, values, members, np.full((shape[0], members), np.nan), np.full((shape[1], members), np.nan), {}, {}, {})
-    made.fill(np.arange(members))
-    return MembersNumbers(made.coefficients, made.initial, made.weights, made.offsets, made.refused)
+    collector = _Collector(wiring, values, members, np.full((shape[0], members), np.nan), np.full((shape[1], members), np.nan), {}, {}, {})
+    collector.fill(np.arange(members))
+    return MembersNumbers(collector.coefficients, collector.initial, collector.weights, collector.offsets, collector.refused)
 
 
 @dataclass(frozen=True, eq=False)
@@ -550,8 +550,8 @@ def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], in
     values = {name: np.array(v, dtype=float) for name, v in draws.items()}
     sizes = {v.shape for v in values.values()}
     if len(sizes) != 1 or any(len(s) != 1 or s[0] == 0 for s in sizes):
-        found = ", ".join(f"'{n}' {v.shape}" for n, v in values.items()) or "nothing is drawn"
-        raise ScenarioError(f"every name needs one value per member, in a list: {found}.", where)
+        shapes = ", ".join(f"'{n}' {v.shape}" for n, v in values.items()) or "nothing is drawn"
+        raise ScenarioError(f"every name needs one value per member, in a list: {shapes}.", where)
     for v in values.values():
         v.flags.writeable = False
     return values, sizes.pop()[0]
@@ -621,8 +621,8 @@ def _turnings(
         return {}
     member, column, times, kelvin = kernel.turnings  # in order of columns, members and times
     if failed:
-        there = ~np.isin(member, np.array(list(failed), dtype=np.int64))
-        member, column, times, kelvin = member[there], column[there], times[there], kelvin[there]
+        alive = ~np.isin(member, np.array(list(failed), dtype=np.int64))
+        member, column, times, kelvin = member[alive], column[alive], times[alive], kelvin[alive]
     ends = np.searchsorted(column, np.arange(len(kept) + 1))
     member = member.astype(np.int64)
     out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}

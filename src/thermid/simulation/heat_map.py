@@ -105,14 +105,14 @@ class HeatMap:
             arriving[b][a] = arriving[b].get(a, 0.0) + path.heat
             if path.kind != "flow":  # a stream brings heat to its second end and takes none from its first
                 arriving[a][b] = arriving[a].get(b, 0.0) - path.heat
-        own = dict.fromkeys(self.temperatures, 0.0)
+        powers = dict.fromkeys(self.temperatures, 0.0)
         for node, power in self.loads.values():
-            own[node] += power
+            powers[node] += power
         out = []
         for node, kelvin in sorted(self.temperatures.items(), key=lambda item: -item[1]):
             neighbours = tuple(sorted(arriving[node].items(), key=lambda item: -abs(item[1])))
-            residual = own[node] + sum(heat for _, heat in neighbours)
-            out.append(NodeBalance(node, kelvin, own[node], neighbours, residual, node in self.boundaries))
+            residual = powers[node] + sum(heat for _, heat in neighbours)
+            out.append(NodeBalance(node, kelvin, powers[node], neighbours, residual, node in self.boundaries))
         return tuple(out)
 
     def worst(self) -> float:
@@ -194,8 +194,8 @@ class HeatMap:
         for b in self.balances():
             came = ", ".join(f"{heat:+.4g} {node}" for node, heat in b.paths[:SHOWN])
             more = f", {len(b.paths) - SHOWN} more" if len(b.paths) > SHOWN else ""
-            own = f"takes {b.residual:.4g}" if b.given else f"loads {b.loads:.4g}"
-            rows.append(f"  {b.node:<{width}} {b.kelvin - ICE_POINT:9.3f} degC  {own:<14} {came}{more}")
+            inputs = f"takes {b.residual:.4g}" if b.given else f"loads {b.loads:.4g}"
+            rows.append(f"  {b.node:<{width}} {b.kelvin - ICE_POINT:9.3f} degC  {inputs:<14} {came}{more}")
         return rows
 
     def _conductors(self) -> list[str]:

@@ -40,23 +40,23 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
     where = Places(target.name, lines)
     data = by_grammar("scenario", data, where).written
-    given: dict[str, Any] = {"title": target.stem, **data}
+    fields: dict[str, Any] = {"title": target.stem, **data}
     columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
     for name, slot in SLOTS.items():
-        if name in given:
+        if name in fields:
             held = name == "commands"
-            given[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in given[name].items()}
-    given["environment"] = {gas: _environment(t, columns, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
-    given["irradiation"] = {
+            fields[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in fields[name].items()}
+    fields["environment"] = {gas: _environment(t, columns, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
+    fields["irradiation"] = {
         surface: _irradiation(t, columns, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
     }
     try:
         if set(SURROUNDINGS) & set(data):
-            surrounded: Scenario = extension("surroundings of a scenario file", target.name)(given, columns, target.name)
+            surrounded: Scenario = extension("surroundings of a scenario file", target.name)(fields, columns, target.name)
             return surrounded
-        return Scenario(**given)
+        return Scenario(**fields)
     except ThermidError as error:
-        key = error.where.removeprefix(f"{given['title']}, ")
+        key = error.where.removeprefix(f"{fields['title']}, ")
         if key != error.where:  # the scenario names itself; its reader looks for the line
             raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
         raise error.located(target.name) from None

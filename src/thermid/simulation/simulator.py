@@ -17,6 +17,7 @@ from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Distribution
 from thermid.linear_algebra import Array
 from thermid.model.laws.signal import Constant, literal
+from thermid.model.tree.flat import streams_of
 from thermid.model.tree.model import Model
 from thermid.network.environment import Environment
 from thermid.network.medium import gas_remarks
@@ -196,9 +197,9 @@ class Simulator:
         assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
         nodes = assembled.reduced.nodes
         wanted = sensitivities and bool(self.free)
-        own, end = self.options, self._wiring.scenario.seconds
-        answer = self._engine.integrate(assembled, self.times, nodes, end, own, wanted, own.extremes)
-        run = Run(self._wiring, self._engine, assembled, answer, self.times, own)
+        options, end = self.options, self._wiring.scenario.seconds
+        answer = self._engine.integrate(assembled, self.times, nodes, end, options, wanted, options.extremes)
+        run = Run(self._wiring, self._engine, assembled, answer, self.times, options)
         free = self.free if wanted else ()
         return Solution(
             self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
@@ -237,8 +238,8 @@ class Simulator:
         """
         wiring, end = self._wiring, self._wiring.scenario.seconds
         a = self._engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
-        found, moves = settle(self._engine, a, end, bool(self.free))
-        traces = Traces(wiring, a, np.array([end]), self._engine.nodes, found[None, :], moves[None, :, :])
+        temperatures, moves = settle(self._engine, a, end, bool(self.free))
+        traces = Traces(wiring, a, np.array([end]), self._engine.nodes, temperatures[None, :], moves[None, :, :])
         names = (*wiring.network.nodes, *wiring.network.boundaries)
         return {n: float(traces.temperature(n)[0]) for n in names}, {n: traces.slope(n)[0] for n in names}
 
@@ -262,22 +263,22 @@ class Simulator:
         """Return the bounds that a deck sets for a free name, infinite where it sets none. [SI]"""
         if name not in self._wiring.parameters:
             return -np.inf, np.inf
-        given = self._wiring.network.flat.parameters.table[name].parameter
-        return -np.inf if given.minimum is None else given.minimum, np.inf if given.maximum is None else given.maximum
+        parameter = self._wiring.network.flat.parameters.table[name].parameter
+        return -np.inf if parameter.minimum is None else parameter.minimum, np.inf if parameter.maximum is None else parameter.maximum
 
     def law(self, name: str, given: Any) -> Distribution:
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
-        own = self.canonical(name)
-        where = f"{self.title}, spread of '{own}'"
-        return read_spread(given, self.slots(own)[0], self.nominal[own], where, bounds=self.bounds(own))
+        path = self.canonical(name)
+        where = f"{self.title}, spread of '{path}'"
+        return read_spread(given, self.slots(path)[0], self.nominal[path], where, bounds=self.bounds(path))
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""
-        given = {_free_name(self._wiring.network, name): value for name, value in values.items()}
+        point = {_free_name(self._wiring.network, name): value for name, value in values.items()}
         refuse_unknown(
-            given, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
+            point, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
         )
-        return np.array([given.get(name, self.nominal[name]) for name in self.free])
+        return np.array([point.get(name, self.nominal[name]) for name in self.free])
 
 
 @takes_objects
@@ -335,7 +336,8 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
-    out += wiring.network.streams.remarks(scenario.seconds)
+    if streams_of(wiring.network.flat.conductors):
+        out += wiring.network.streams.remarks(scenario.seconds)
     for gas, e in scenario.environment.items():
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"

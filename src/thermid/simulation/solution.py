@@ -71,8 +71,8 @@ class Trace:
 
     def _extreme(self, sign: float) -> Extreme:
         times, kelvin = self.course
-        at = int((sign * kelvin).argmax())
-        return Extreme(float(kelvin[at]), float(times[at]), self.turnings is not None)
+        place = int((sign * kelvin).argmax())
+        return Extreme(float(kelvin[place]), float(times[place]), self.turnings is not None)
 
     @cached_property
     def maximum(self) -> Extreme:
@@ -332,13 +332,13 @@ def outside(run: Run) -> tuple[str, ...]:
         strength = run.wiring.signals[row.second].at(run.times) if row.second else 1.0
         root = value_of(row.coefficients[1]) * strength * evaluate(row.curve.film[1], 0.5 * (hot + cold))
         highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
-        given = words[row.name]
-        if "tilt" in given:
-            gap = GapLaw(degrees(given["tilt"]), float(given["aspect"]))
+        fields = words[row.name]
+        if "tilt" in fields:
+            gap = GapLaw(degrees(fields["tilt"]), float(fields["aspect"]))
             if highest > gap.high:
                 out.append(f"{gap.name}, of '{row.name}', goes up to a Rayleigh number of {gap.high:g}; here it reaches {highest:.3g}")
             continue
-        law = correlation(given.get("htc.correlation", ""), given.get("htc.orientation", "vertical"))
+        law = correlation(fields.get("htc.correlation", ""), fields.get("htc.orientation", "vertical"))
         if highest > law.high or 0.0 < highest < law.low:
             out.append(
                 f"{law.name} of '{row.name}' is valid for Rayleigh numbers from {law.low:g} to {law.high:g}, but here they reach "
@@ -456,8 +456,8 @@ class Solution(Result):
         """
         path, wanted = self._run.network.find(node), self._run.network.flat.names.model.canonical(name)
         if wanted not in self.free:
-            known = f"it has those to {', '.join(self.free)}" if self.free else "none was computed. Run with run(sensitivities=True)"
-            raise NameNotFoundError(f"the solution holds no sensitivity to '{name}': {known}.", self.title)
+            computed = f"it has those to {', '.join(self.free)}" if self.free else "none was computed. Run with run(sensitivities=True)"
+            raise NameNotFoundError(f"the solution holds no sensitivity to '{name}': {computed}.", self.title)
         return self._run.traces.slope(path)[:, self.free.index(wanted)]
 
     def slopes(self, node: str) -> Array:
@@ -541,8 +541,8 @@ class Solution(Result):
 
     def _as_rows(self) -> list[Row]:
         """Return every node with its last, highest and lowest temperature."""
-        found = [(n, self[n]) for n in self.nodes]
-        return [{"node": n, "final_C": t.final, "highest_C": t.highest, "lowest_C": t.lowest} for n, t in found]
+        traces = [(n, self[n]) for n in self.nodes]
+        return [{"node": n, "final_C": t.final, "highest_C": t.highest, "lowest_C": t.lowest} for n, t in traces]
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the temperature of every node."""

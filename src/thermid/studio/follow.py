@@ -14,6 +14,7 @@ from thermid.errors import DeckError, MissingDataError, RecordError, ThermidErro
 from thermid.linear_algebra import Array, Bools
 from thermid.measure.readers.formats import is_bench_log
 from thermid.measure.readers.log_reader import read_record, temperature_columns
+from thermid.measure.readers.textfile import UNFINISHED
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
@@ -27,7 +28,6 @@ KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200
 BUDGET = 1.5
 """Time that forecasts of one look may take; the channel looked at comes first. [s]"""
-UNFINISHED = "the last line is incomplete and was left out"
 BREAK = 5.0
 """A time between samples that is so many times the usual one is drawn as a gap."""
 
@@ -168,10 +168,10 @@ def _whole_lines(path: Path, columns: list[str]) -> Record:
     """Return a log without a last line that is still being written: half of a number is a number, and would be a spike."""
     before = _ended(path)
     record = read_record(path, {n: {"node": n} for n in columns})
-    dropped = any("is incomplete" in note for note in record.steps)
+    dropped = any(UNFINISHED in note for note in record.steps)
     if (before and _ended(path)) or dropped or record.times.size < 3:
         return record
-    return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, UNFINISHED))
+    return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, f"the last line {UNFINISHED}"))
 
 
 def _ended(path: Path) -> bool:

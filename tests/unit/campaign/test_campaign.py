@@ -257,7 +257,7 @@ BAD = [
         r"no column 't_s'",
     ),
     ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', BENCH, r"\[W\]"),
-    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"there is no criterion 'rms'\. Did you mean 'rmse'"),
+    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"unknown criterion 'rms'\. Did you mean 'rmse'"),
     ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"'T_A' has no criterion\. Give it"),
     (
         *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),

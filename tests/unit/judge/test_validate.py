@@ -106,7 +106,7 @@ def test_criteria_of_a_sensor_stand_in_place_of_the_common_ones(found: Calibrati
     ("table", "error", "words"),
     [
         ({}, IdentificationError, r"'T' has no criterion\. Give it at least one limit: rmse, max_error or mean_error"),
-        ({"rms": "1 [K]"}, ScenarioError, r"here: there is no criterion 'rms'\. Did you mean 'rmse'"),
+        ({"rms": "1 [K]"}, ScenarioError, r"here: unknown criterion 'rms'\. Did you mean 'rmse'"),
         ({"sensors": {"T": {"rms": "1 [K]"}}}, ScenarioError, r"here\.sensors\.T: unknown criterion 'rms'\. Did you mean 'rmse'"),
         ({"sensors": {"T": "1 [K]"}}, ScenarioError, r"here, sensors\.T: a table is needed, not '1 \[K\]'"),
         ({"rmse": "1 [K]", "sensors": {"TT": {"rmse": "1 [K]"}}}, IdentificationError, r"criteria are given for 'TT'.*Did you mean 'T'"),

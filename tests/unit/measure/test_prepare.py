@@ -320,8 +320,8 @@ def test_campaign_steps():
     [
         (
             {"medain": 3},
-            "record 'bench', prepare[2]: no step 'medain'; there are trim, median, filter, resample, spikes, faults, mask, shift_start. "
-            "Did you mean 'median'?",
+            "record 'bench', prepare[2]: no step 'medain'; there are trim, median, filter, resample, spikes, faults, mask, shift_start, "
+            "delay. Did you mean 'median'?",
         ),
         (
             {"spikes": {"treshold": 3, "window": 2}},

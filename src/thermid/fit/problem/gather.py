@@ -319,7 +319,7 @@ def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
         if e.ticks is not None:
             c = e.ticks.clock
             for name, target, (low, high), at, unit in (
-                ("clock offset", OFFSET, c.offset, c.at[0], "s"),
+                (c.offset_is, OFFSET, c.offset, c.at[0], "s"),
                 ("clock rate", RATE, c.rate, c.at[1], "1"),
             ):
                 if low < high:

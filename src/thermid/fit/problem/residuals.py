@@ -128,6 +128,7 @@ def pooled(parts: list[Sums]) -> Sums:
 
 def loss_of(squares: Array, loss: str, loss_scale: float) -> tuple[Array, Array]:
     """Return the loss of squared residuals in units of the noise, as the kernel counts it, and its derivative. [-]"""
+    # c^2 rho(z) and rho'(z), z = (r/c)^2: soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or 2 sqrt(z) - 1, Cauchy ln(1 + z)
     z = squares / loss_scale**2
     if loss == "soft_l1":
         return 2.0 * loss_scale**2 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)
@@ -330,6 +331,7 @@ def as_triangle(
     z = np.concatenate([b.weighted for b in blocks])
     size, weight = loss_of(z**2, loss, loss_scale)
     root = np.sqrt(weight)
+    # sqrt(rho') r and sqrt(rho') J have the gradient J' rho' r; Q'r and R have the same normal equations; |r|^2 - |Q'r|^2 is kept
     basis, triangle = np.linalg.qr(root[:, None] * full)
     rotated = basis.T @ (root * z)
     rest = float(size.sum() - rotated @ rotated)

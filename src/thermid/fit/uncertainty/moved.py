@@ -92,6 +92,7 @@ class Test:
         across = whole[:, rest][:, :, at] / size[:, None]
         solved = np.linalg.solve(inner, np.concatenate([across, (vector[:, rest] / size)[..., None]], axis=2))
         turned = np.swapaxes(across, 1, 2)
+        # Schur complement: what is said of k with all r open is A_kk - A_kr A_rr^-1 A_rk, and of its score b_k - A_kr A_rr^-1 b_r
         information = whole[:, at][:, :, at] - turned @ solved[..., :-1]
         short = square_root(root @ root.T, drop=True)
         return cls(data.weights, information, vector[:, at] - (turned @ solved[..., -1:])[..., 0], short)
@@ -109,6 +110,7 @@ def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array
     known_with[others] = a.root[others]
     columns = np.concatenate([known_with, np.eye(len(a.root))[:, list(loose)]], axis=1)
     known = np.diag([1.0] * sources + [0.0] * len(loose))
+    # the others are root s, s standard normal: integrated out with the precision C'IC + 1; those in `loose` have none of their own
     inner = columns.T @ a.information @ columns + known
     inner = inner + 1e-12 * np.eye(len(known)) * np.trace(inner, axis1=1, axis2=2)[:, None, None]
     across = columns.T @ a.information[:, :, inside]
@@ -236,6 +238,7 @@ def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
     sizes, vectors = np.linalg.eigh(spread / size[:, :, None] / size[:, None, :])
     kept = (sizes > RANK_TOLERANCE * sizes[:, -1:]) & (sizes > 0)
+    # T' V^+ T over the directions of V that count; chi-squared with as many degrees of freedom, averaged over the noise models
     along = np.einsum("mgr,mg->mr", vectors, scores / size) ** 2
     square = np.sum(np.where(kept, along / np.where(kept, sizes, 1.0), 0.0), axis=1)
     directions = int(np.median(kept.sum(axis=1)))
@@ -581,6 +584,7 @@ def _less(below: Array, here: Array) -> Array:
     """Return one covariance less another, and the first alone in directions where less than a tenth would be left."""
     root = np.linalg.cholesky(below)
     half = np.linalg.solve(root, here)
+    # below = L L'; the eigenvalues of L^-1 here L^-T are the shares of the variance below that are left here
     sizes, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
     along = root @ vectors
     return np.asarray((along * np.where(sizes < 0.9, 1.0 - sizes, 1.0)) @ along.T)

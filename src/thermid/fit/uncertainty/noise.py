@@ -522,8 +522,10 @@ def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, floa
     sizes, vectors = np.linalg.eigh(within)
     sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
     ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
+    # in the eigenbasis y_i^2 has the expectation w (1 + ratio size_i); the w of the largest likelihood is the mean of y_i^2 / (1 + ...)
     variances = 1.0 + ratios[:, None] * sizes
     white = (parts / variances).mean(axis=1)
+    # 2 ln L1 / L0 = n ln calm - n ln w - sum ln(1 + ratio size_i)
     gain = y.size * np.log(calm) - y.size * np.log(white) - np.log(variances).sum(axis=1)
     k = int(gain.argmax())
     return float(gain[k]), float(white[k]), float(ratios[k] * white[k])
@@ -539,6 +541,9 @@ def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: flo
     for k, like in enumerate(likes):
         across = like @ decided
         inside = decided.T @ across
+        # Rao's score test (Proc. Camb. Phil. Soc. 44 (1948) 50) of a variance component L, P = 1 - D D' the residual space: r'L r / s^2 has
+        # the mean tr(P L) and, s^2 estimated from the same r, the variance 2 (tr(P L P L) - tr(P L)^2 / n) where it is none;
+        # tr(P L P L) = |L|^2 - 2 |L D|^2 + |D'L D|^2
         mean = (float(np.trace(like)) - float(np.trace(inside))) / spare
         square = float(np.sum(like**2)) - 2.0 * float(np.sum(across**2)) + float(np.sum(inside**2))
         spread = 2.0 * (square - spare * mean**2)

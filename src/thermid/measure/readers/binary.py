@@ -13,13 +13,12 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
-from importlib import import_module
 from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.errors import MissingExtraError, RecordError, UnitError
-from thermid.extensions import missing
+from thermid.errors import RecordError, UnitError
+from thermid.extensions import optional
 from thermid.measure.readers.columns import spelt
 from thermid.measure.readers.matlab_objects import objects_of, series_of
 from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
@@ -52,19 +51,6 @@ Vectors = dict[str, tuple[Any, str]]
 """Name -> samples (samples,), unit as text; both empty where unknown."""
 
 
-def _library(name: str, file: str) -> Any:
-    """Return a library that an extra brings.
-
-    Raises
-    ------
-    MissingExtraError   When it is not installed.
-    """
-    try:
-        return import_module(name)
-    except ImportError:
-        raise MissingExtraError(missing([name], "this kind of file"), file) from None
-
-
 def tdms(data: bytes, file: str, separator: str | None) -> Cells:
     """Return the cells of an NI TDMS file; channels of groups with other samples are put on one axis of times.
 
@@ -72,7 +58,7 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
     ------
     RecordError   When a channel has neither a waveform's times nor a time channel in its group.
     """
-    library = _library("nptdms", file)
+    library = optional("nptdms", "this kind of file", file)
     try:
         with library.TdmsFile.read(io.BytesIO(data)) as opened:
             cut = bool(opened.file_status.incomplete_final_segment)
@@ -308,7 +294,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     ------
     RecordError   When it has no time, or is damaged.
     """
-    library = _library("h5py", file)
+    library = optional("h5py", "this kind of file", file)
     vectors: Vectors = {}
 
     def visit(name: str, item: Any) -> None:
@@ -377,7 +363,7 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
             zipfile.ZipFile(io.BytesIO(data)).namelist()
     except zipfile.BadZipFile:
         raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file) from None
-    library = _library("python_calamine", file)
+    library = optional("python_calamine", "this kind of file", file)
     try:
         book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}

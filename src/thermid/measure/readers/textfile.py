@@ -34,6 +34,8 @@ _UNIT_CELL: Final = re.compile(
     r"|m/s\^2|W/m[\^²]?2?|mg/m3|g/m3|%RH|rpm|ohms?|Ω|l/min|arb|degC|degF|Celsius|Volts?|Watts?|YYYY.*|dd.*|hh:mm.*|HH:MM.*|datetime|unit)[\])}]?\Z"
 )
 """Cells of a row of units."""
+UNFINISHED: Final = "is incomplete and was dropped"
+"""What is said of a last line that is still being written."""
 _MEND: Final = "Correct the line, put '#' before it, or give the separator."
 _LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
 """How a line may begin that holds no cells."""
@@ -186,7 +188,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
     rows, cut = _without_cut_line(rows, width, whole)
     if cut:
-        notes.append(f"line {numbers[-1]}, the last one, is incomplete and was dropped")
+        notes.append(f"line {numbers[-1]}, the last one, {UNFINISHED}")
         numbers = numbers[:-1]
     if columns is not None:
         columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]

@@ -307,6 +307,7 @@ class SecondClock:
     at : (offset, rate)             Those at which the record holds these channels. [s, -]
     times : (first, last)           Of the log with the other clock, to which the fit counts. [s]
     step : float                    Median interval of the log on this clock. [s]
+    offset_is : str                 What its offset is called: a delay where the clock is the record's own.
     """
 
     channels: tuple[str, ...]
@@ -315,6 +316,7 @@ class SecondClock:
     at: tuple[float, float]
     times: tuple[float, float]
     step: float
+    offset_is: str = "clock offset"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

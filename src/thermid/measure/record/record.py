@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ThermidError, refuse_unknown
+from thermid.extensions import optional
 from thermid.files import LOG, replacing
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record import windows
@@ -39,7 +40,7 @@ from thermid.measure.record.channel import (
 )
 from thermid.measure.record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.results import PlottedTrace, Result, Row, optional
+from thermid.results import PlottedTrace, Result, Row
 from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
@@ -366,12 +367,7 @@ class Record(Samples, Result):
                 "Give another offset.",
                 f"{self.name}, {other.name}",
             )
-        times = np.union1d(self.times, there)
-        channels = {
-            name: _spread(each, np.searchsorted(times, axis), times.size)
-            for record, axis in ((self, self.times), (other, there))
-            for name, each in record.channels.items()
-        }
+        times, channels = _interleaved(self, other, there)
         origin = replace(
             self.origin,
             file=f"{self.origin.file} + {other.origin.file}",
@@ -382,6 +378,49 @@ class Record(Samples, Result):
         )
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
         return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
+
+    def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
+        """Return the record with powers and commands that act later than they were logged.
+
+        Parameters
+        ----------
+        by : str, float or pair       Delay, such as ``"12 [s]"``, or seconds; negative for earlier. A pair is a range, within which
+                                      `calibrate` finds the delay; until then the record stands in its middle.
+        channels : sequence of str    Loads, commands and boundaries; every load and command by default.
+
+        Raises
+        ------
+        RecordError   When there is no such channel, one is compared with the model, the delay is as long as the record, a range is none
+                      or the record has an unknown clock already.
+        """
+        chosen = [n for n, c in self.channels.items() if c.role in ("load", "command")] if channels is None else list(channels)
+        compared = [n for n in chosen if self.channel(n).role not in ("load", "command", "boundary", "prescribed")]
+        if compared or not chosen:
+            what = f"'{compared[0]}' is no load, command or boundary" if compared else "the record has no load or command"
+            raise RecordError(f"{what}, so it cannot be delayed. Name the channels that drive the model.", f"{self.name}, delay")
+        ends = [amount(t, "s", f"{self.name}, delay") for t in ((by, by) if isinstance(by, str | float | int) else by)]
+        if len(ends) != 2:
+            raise RecordError(f"{len(ends)} times are given. Give one delay, or the two ends of its range.", f"{self.name}, delay")
+        low, high = _range((ends[0], ends[1]), "delay", self.name)
+        if max(abs(low), abs(high)) >= self.duration:
+            raise RecordError(f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record.", f"{self.name}, delay")
+        if low < high and self.second is not None:
+            raise RecordError("a clock of this record is left to the fit already. Only one clock at a time may be.", f"{self.name}, delay")
+        late = replace(self, channels={n: self.channels[n] for n in chosen})
+        rest = replace(self, channels={n: c for n, c in self.channels.items() if n not in chosen})
+        middle = 0.5 * (low + high)
+        times, mixed = _interleaved(rest, late, self.times + middle)
+        inside = times >= self.times[0]  # what was logged last acts after the last reading; a fit may move it back
+        said = f"{low:g} s" if low == high else f"{low:g} to {high:g} s, by the fit"
+        whole = float(self.times[0]), float(self.times[-1])
+        clock = SecondClock(tuple(chosen), (low, high), (1.0, 1.0), (middle, 1.0), whole, self.step, "delay")
+        return replace(
+            self,
+            times=times[inside],
+            channels={n: mixed[n].taken(inside) for n in self.channels},
+            steps=(*self.steps, f"delay: {', '.join(chosen)}, {said}"),
+            second=self.second if low == high else clock,
+        )
 
     def steady(
         self,
@@ -567,6 +606,22 @@ def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
     return replace(channel, values=values, valid=valid, masks=masks)
 
 
+def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[FloatArray, dict[str, Channel]]:
+    """Return the times of two logs as one [s], the second one's at `there`, and the channels of both on them.
+
+    Times that differ by rounding only are one time.
+    """
+    after = np.clip(np.searchsorted(one.times, there), 1, one.times.size - 1)
+    near = np.where(there - one.times[after - 1] < one.times[after] - there, one.times[after - 1], one.times[after])
+    there = np.where(np.abs(near - there) <= 1e-12 * np.abs(there).max(), near, there)
+    times = np.union1d(one.times, there)
+    return times, {
+        name: _spread(each, np.searchsorted(times, axis), times.size)
+        for record, axis in ((one, one.times), (other, there))
+        for name, each in record.channels.items()
+    }
+
+
 def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
     """Return the range of a clock's offset or rate."""
     low, high = given if isinstance(given, tuple | list) else (given, given)
@@ -592,6 +647,7 @@ STEPS: Final = {
     "faults": Step("flag_faults", 0, ("codes", "low", "high", "jump", "channels")),
     "mask": Step("mask", 1, ("channel", "start", "end", "reason")),
     "shift_start": Step("shift_start", 0, ()),
+    "delay": Step("delayed", 1, ("by", "channels")),
 }
 """Steps of a campaign file by name."""
 

@@ -477,6 +477,8 @@ class ParameterSet:
         self.table: Mapping[str, Entry] = parameter_table(model)
         self._needs: dict[str, tuple[str, ...]] = {path: self._resolved(path, entry) for path, entry in self.table.items()}
         self.order: tuple[str, ...] = self._sorted()
+        literals = {path: entry.parameter.expression.literal for path, entry in self.table.items()}
+        self._numbers: dict[str, float] = {path: literal.value for path, literal in literals.items() if literal is not None}
         self._dimensions: dict[str, Dimension] = {}
         values = self.evaluate({})
         for path, entry in self.table.items():
@@ -524,6 +526,9 @@ class ParameterSet:
         for path in self.order if only is None else only:
             if path in overrides:
                 values[path] = overrides[path]
+                continue
+            if path in self._numbers:
+                values[path] = self._numbers[path]
                 continue
             entry = self.table[path]
             scope = entry.scope

@@ -63,8 +63,8 @@ class LogColumns:
         with errors_at(where, ", "):
             record = read_record(file, {name: ({role: "x"} if role else {}) | ({"unit": text} if text else {})}, time=time)
         times, values, _ = record.table(name)
-        known = record.times[record.channel(name).valid]
-        inside = (times >= known[0]) & (times <= known[-1])  # a blank end is no value that holds
+        span = record.times[record.channel(name).valid]
+        inside = (times >= span[0]) & (times <= span[-1])  # a blank end is no value that holds
         times, values = times[inside], values[inside]
         zero = self.zeros.get(file, float(record.times[0]))
         held = bool(value.get("hold", held)) and value.get("samples") != "average"

@@ -180,8 +180,8 @@ class Scenario:
 
     def driven(self, flat: Flat) -> set[str]:
         """Return the parameters that have a course of their own, and the numbers behind them: nothing else may move these."""
-        given = {flat.names.model.canonical(p) for p in (*self.schedule, *self.gains.values())}
-        return {p for n in given if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
+        paths = {flat.names.model.canonical(p) for p in (*self.schedule, *self.gains.values())}
+        return {p for n in paths if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
 
     def check_spans(self) -> None:
         """Refuse signals that end before the run, or begin after it: nothing says what holds there.
@@ -190,8 +190,8 @@ class Scenario:
         ------
         ScenarioError   With what can be said of the time beyond.
         """
-        for place, given in self.signals():
-            check_span(given, self.seconds, f"{self.title}, {place}")
+        for place, course in self.signals():
+            check_span(course, self.seconds, f"{self.title}, {place}")
 
     def vacuum(self, as_printed: bool = False) -> Scenario:
         """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
@@ -221,7 +221,7 @@ class Scenario:
 def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     """Return a sentence for the columns of logs whose samples nobody said to be averages or instants; none where there are none."""
     assumed = [
-        place for place, given in scenario.signals() if isinstance(given, TableSignal) and given.log is not None and not given.samples
+        place for place, course in scenario.signals() if isinstance(course, TableSignal) and course.log is not None and not course.samples
     ]
     if not assumed:
         return ()

@@ -93,8 +93,8 @@ class Traces:
     def slope(self, name: str) -> Array:
         """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
         size = self.slopes.shape[2]
-        if (own := held_in(name)) in self.kept:
-            return self._of_heat(name)[1][:, None] * self.slopes[:, self.kept.index(own), :]
+        if (state := held_in(name)) in self.kept:
+            return self._of_heat(name)[1][:, None] * self.slopes[:, self.kept.index(state), :]
         if name in self.kept:
             return self.slopes[:, self.kept.index(name), :]
         if name in self.wiring.network.boundaries:
@@ -187,29 +187,29 @@ class Answer:
         return out
 
 
-def by_column(found: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
+def by_column(points: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
     """Return the turning points of each of `count` columns, from those of all, in order of columns and times.
 
     Parameters
     ----------
-    found : columns, times [s] and temperatures [K], each (points,)
+    points : columns, times [s] and temperatures [K], each (points,)
     """
-    columns, times, kelvin = found
+    columns, times, kelvin = points
     ends = np.searchsorted(columns, np.arange(count + 1))
     return tuple(Turnings(times[i:j], kelvin[i:j]) for i, j in pairwise(ends))
 
 
-def signal_turnings(given: Drawn, end: float, offset: float) -> Turnings:
+def signal_turnings(drawn: Drawn, end: float, offset: float) -> Turnings:
     """Return the turning points of a boundary from zero to `end` [s]: knots where its signal turns, and those of a sine.
 
     Parameters
     ----------
-    given : Drawn       [K]
+    drawn : Drawn       [K]
     end : float         [s]
     offset : float      A constant beside it. [K]
     """
-    times = given.turns(end)
-    return Turnings(times, given.at(times) + offset)
+    times = drawn.turns(end)
+    return Turnings(times, drawn.at(times) + offset)
 
 
 LARGE_FROM: Final = 500
@@ -252,15 +252,15 @@ def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, 
     }
 
 
-def kernel_input(given: Drawn) -> tuple[int, Array, Array]:
+def kernel_input(drawn: Drawn) -> tuple[int, Array, Array]:
     """Return the kernel's form of a signal."""
     none = np.zeros(0)
-    if isinstance(given, Constant):
-        return _kernel.CONSTANT, np.array([given.value]), none
-    if isinstance(given, Sine):
-        return _kernel.SINE, np.array([given.mean, given.amplitude, given.period, given.phase]), none
-    kind = _kernel.SAMPLED_HOLD if given.hold else _kernel.SAMPLED_LINEAR
-    return kind, np.ascontiguousarray(given.times, dtype=float), np.ascontiguousarray(given.values, dtype=float)
+    if isinstance(drawn, Constant):
+        return _kernel.CONSTANT, np.array([drawn.value]), none
+    if isinstance(drawn, Sine):
+        return _kernel.SINE, np.array([drawn.mean, drawn.amplitude, drawn.period, drawn.phase]), none
+    kind = _kernel.SAMPLED_HOLD if drawn.hold else _kernel.SAMPLED_LINEAR
+    return kind, np.ascontiguousarray(drawn.times, dtype=float), np.ascontiguousarray(drawn.values, dtype=float)
 
 
 def unsettled(follows: bool) -> str:
@@ -287,10 +287,10 @@ def unsolved(when: str, follows: bool) -> str:
     return f"a step could not be solved {when}. Look for a {look}."
 
 
-def ending(found: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
+def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
     """Return what ran out in a run that ended before `end` [s], when, where and what to change; `follows` as in `runs_away`."""
-    node = f" at '{names[found.node]}'" if 0 <= found.node < len(names) else ""
-    when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+    node = f" at '{names[answer.node]}'" if 0 <= answer.node < len(names) else ""
+    when = f"at {answer.time:.6g} s of {end:.6g} s{node}"
     words = {
         _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or raise the tolerance.",
@@ -301,7 +301,7 @@ def ending(found: Any, names: Sequence[str], max_steps: int, end: float, follows
         _kernel.BAD_INPUT: f"a temperature fell below 0 K, or a number is not finite, {when}. Check the inputs at that time.",
         _kernel.CHATTER: f"a thermostat switches endlessly {when}. Widen its hysteresis.",
     }
-    return words.get(found.status, f"the run stopped {when}.")
+    return words.get(answer.status, f"the run stopped {when}.")
 
 
 NEAR: Final = 0.1
@@ -312,19 +312,19 @@ GOES_ON: Final = {"hold": "stays constant", "linear": "is extended as a straight
 
 def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[str, str]]]:
     """Return name, table and the nodes whose mean or difference it is read at, for every table that an author gives and of a gas."""
-    found = [(r.name, r.curve, r.ends) for r in numbers.conductors]
-    found += [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
-    found = [(name, curve, ends) for name, curve, ends in found if curve is not None and not curve.film]
-    found += [
+    curves = [(r.name, r.curve, r.ends) for r in numbers.conductors]
+    curves += [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
+    curves = [(name, curve, ends) for name, curve, ends in curves if curve is not None and not curve.film]
+    curves += [
         (c.path, c.curve.film[1], (e, e)) for c in network.flat.conductors if c.curve is not None and len(c.curve.film) > 1 for e in c.ends
     ]
-    found += [(node, store.given, (node, node)) for node, store in network.stores.items()]
+    curves += [(node, store.given, (node, node)) for node, store in network.stores.items()]
     for name in network.controls:
-        given = network.flat.controls[name]
-        (first, weight), *more = given.follows or (("", 0.0),)
+        control = network.flat.controls[name]
+        (first, weight), *more = control.follows or (("", 0.0),)
         if weight == 1.0 and (not more or (len(more) == 1 and more[0][1] == -1.0)):
-            found.append((name, given.control.curve, (first, more[0][0] if more else first)))
-    return [(name, curve, ends) for name, curve, ends in found if curve is not None]
+            curves.append((name, control.control.curve, (first, more[0][0] if more else first)))
+    return [(name, curve, ends) for name, curve, ends in curves if curve is not None]
 
 
 def read_nodes(network: Network, numbers: Numbers) -> set[str]:
@@ -502,17 +502,17 @@ class KernelProblem:
     def _places(self) -> dict[str, int]:
         return {n: k for k, n in enumerate((*self.wiring.structure.nodes, *self.wiring.network.boundaries))}
 
-    def message(self, found: Any, options: Options, end: float, a: Assembled | None = None) -> str:
+    def message(self, answer: Any, options: Options, end: float, a: Assembled | None = None) -> str:
         """Return what ran out, when, where and what to change."""
         network = self.wiring.network
         follows = any(load.follows_temperature for load in network.flat.loads)
-        if self.refuses and found.status in UNSOLVED:
-            final = getattr(found, "final_temperatures", None)
-            left = self.left(a, found.time, final, NEAR) if a is not None and final is not None else ""
-            if left:
-                return f"at {found.time:.6g} s of {end:.6g} s {left}"
-            return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
-        return ending(found, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+        if self.refuses and answer.status in UNSOLVED:
+            final = getattr(answer, "final_temperatures", None)
+            beyond = self.left(a, answer.time, final, NEAR) if a is not None and final is not None else ""
+            if beyond:
+                return f"at {answer.time:.6g} s of {end:.6g} s {beyond}"
+            return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
+        return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
 
     def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
         """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""

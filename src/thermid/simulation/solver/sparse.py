@@ -185,12 +185,12 @@ class SparseNetwork:
         for h in self.loads:
             loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size, control(h)))
             done += h.nodes.size
-        store, known = np.full(self.capacities.size if self.stores else 0, NONE, dtype=np.int32), {}  # type: Ints, dict[int, int]
+        store, places = np.full(self.capacities.size if self.stores else 0, NONE, dtype=np.int32), {}  # type: Ints, dict[int, int]
         for node, curve in self.stores.items():
-            if id(curve) not in known:
-                known[id(curve)] = len(tables)
+            if id(curve) not in places:
+                places[id(curve)] = len(tables)
                 tables.append(curve_arrays(curve, refuse=True))
-            store[node] = known[id(curve)]
+            store[node] = places[id(curve)]
         return _kernel.LargeProblem(
             self.capacities,
             self.links.kernel(),
@@ -218,14 +218,14 @@ class SparseNetwork:
 
     def boundary(self, k: int, times: Array) -> Array:
         """Return the temperature (times,) of a boundary. [K]"""
-        given = self.boundary_inputs[k]
-        varying = self.inputs[given].at(times) if given != NONE else np.zeros(times.shape)
+        place = self.boundary_inputs[k]
+        varying = self.inputs[place].at(times) if place != NONE else np.zeros(times.shape)
         return np.asarray(varying + self.offsets[k], dtype=np.float64)
 
     def boundary_turnings(self, k: int, end: float) -> Turnings:
         """Return the turning points of a boundary from zero to `end` [s]."""
-        given = self.boundary_inputs[k]
-        return signal_turnings(self.inputs[given] if given != NONE else Constant(0.0), end, float(self.offsets[k]))
+        place = self.boundary_inputs[k]
+        return signal_turnings(self.inputs[place] if place != NONE else Constant(0.0), end, float(self.offsets[k]))
 
 
 def joined(parts: Sequence[NDArray[Any]], kind: Any) -> NDArray[Any]:

@@ -52,11 +52,11 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     ScenarioError       When a boundary has no temperature.
     """
     flat, where = network.flat, scenario.title
-    known = [load.path for load in flat.loads]
+    paths = [load.path for load in flat.loads]
 
     def load(name: str) -> str:
         path = flat.names.model.canonical(name)
-        refuse_unknown([path], known, where, f"no load '{name}'.", ScenarioError)
+        refuse_unknown([path], paths, where, f"no load '{name}'.", ScenarioError)
         return path
 
     def gain(name: str) -> str:
@@ -304,9 +304,9 @@ class ScheduledCoefficients:
             self._check(k, own, mine)
         return self._laid(base, mine)
 
-    def _check(self, k: int, own: Varied, mine: list[list[Number]]) -> None:
+    def _check(self, k: int, varied: Varied, mine: list[list[Number]]) -> None:
         """Refuse values at which a coefficient of a sample is not its reference times its course."""
-        for r, row in enumerate(own.rows):
+        for r, row in enumerate(varied.rows):
             for c, number in enumerate(row.coefficients):
                 course, value, base = self.table.get((r, c)), value_of(number), value_of(mine[r][c])
                 ratio = 1.0 if course is None else float(course.ratio[k])
@@ -340,16 +340,16 @@ def _named(network: Network, kept: Mapping[str, Any], places: tuple[int, ...]) -
     """Return the name of the row at each place, and its position among the rows of that name."""
     whole = network.numbers_of(kept)
     names = [*(row.name for row in whole.conductors), *(row.name for row in whole.loads), *(row.name for row in whole.controls)]
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     every = []
     for name in names:
-        every.append((name, seen.get(name, 0)))
-        seen[name] = seen.get(name, 0) + 1
+        every.append((name, counts.get(name, 0)))
+        counts[name] = counts.get(name, 0) + 1
     return tuple(every[k] for k in places)
 
 
-def _check_masses(own: Varied, first: Varied, title: str) -> None:
-    for node, capacitance in own.capacitances.items():
+def _check_masses(varied: Varied, first: Varied, title: str) -> None:
+    for node, capacitance in varied.capacitances.items():
         before = first.capacitances[node]
         if capacitance is not None and before is not None and value_of(capacitance) != value_of(before):
             raise ScenarioError(
@@ -473,10 +473,10 @@ class _Builder:
 
     def add(self, number: Number, signal: str = "", controls: tuple[str, ...] = ()) -> int:
         self.values.append(number)
-        given = self.inputs[signal] if signal else -1
+        place = self.inputs[signal] if signal else -1
         if controls:
-            given = self.driven.setdefault(DrivenInput(given, controls), len(self.inputs) + len(self.driven))
-        self.coefficient_input.append(given)
+            place = self.driven.setdefault(DrivenInput(place, controls), len(self.inputs) + len(self.driven))
+        self.coefficient_input.append(place)
         return len(self.values) - 1
 
 
@@ -540,8 +540,8 @@ class Wiring:
             return
         if head == "reading" or (head == "scale" and node in {load.path for load in self.network.flat.loads}):
             return
-        known = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
-        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, known)}", self.network.title)
+        names = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
+        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
         return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
@@ -586,9 +586,9 @@ class Wiring:
             if path in self.network.boundaries:
                 return path
             if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
-                known = [*self.network.boundaries, STEADY, PERIODIC]
+                names = [*self.network.boundaries, STEADY, PERIODIC]
                 raise ScenarioError(
-                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, known)}", f"{self.scenario.title}, {key}"
+                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}", f"{self.scenario.title}, {key}"
                 )
         return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
 
@@ -601,11 +601,11 @@ class Wiring:
         return self._last[1]
 
     def _assemble(self, values: Array, gradients: bool) -> Assembled:
-        given: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
+        free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
         if gradients and values.size:
             eye = np.eye(values.size)
-            given = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(given.items())}
-        return self.assembled_at(given, values.size if gradients else 0)
+            free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
+        return self.assembled_at(free, values.size if gradients else 0)
 
     def assembled_at(self, given: Mapping[str, Number], free: int = 0) -> Assembled:
         """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
@@ -708,10 +708,10 @@ class Wiring:
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
         """Return the input that a conductor's coefficient is multiplied by; empty for none."""
         follow = self._follow.get((row.name, position, c), "")
-        own = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
-        if follow and own:
-            return self._both(own, follow)
-        return follow or own
+        name = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
+        if follow and name:
+            return self._both(name, follow)
+        return follow or name
 
     def _both(self, one: str, other: str) -> str:
         """Return the input that is the product of two: of a gas or a command, and of a schedule."""
@@ -758,8 +758,8 @@ class Wiring:
 
     def control_signal(self, name: str, place: int, times: Array) -> Any:
         """Return what a coefficient of a control is multiplied by (times,) for a schedule; one where it follows none."""
-        given = self._follow.get((name, 0, place), "")
-        return self.signals[given].at(times) if given else 1.0
+        follower = self._follow.get((name, 0, place), "")
+        return self.signals[follower].at(times) if follower else 1.0
 
     def _summed(
         self,
@@ -778,8 +778,8 @@ class Wiring:
                 coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
             for control in row.controls:
                 coefficients[0] = coefficients[0] * shares[control]
-            own = law(row.form, coefficients, row.curve, a, b)
-            out[row.name] = out.get(row.name, 0.0) + (-own if row.turned and law is heat else own)
+            rate = law(row.form, coefficients, row.curve, a, b)
+            out[row.name] = out.get(row.name, 0.0) + (-rate if row.turned and law is heat else rate)
         return out
 
     def _controlled(self, numbers: Numbers) -> list[LoadRow]:
@@ -813,24 +813,24 @@ class Wiring:
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
         """Return the coefficients of a load's law, each with the input that it is multiplied by."""
         out = []
-        for c, own in enumerate(row.own):
+        for c, coefficient in enumerate(row.own):
             follow = self._follow.get((row.name, position, c), "")
-            signal, number = row.signal if c == 0 else "", own
+            signal, number = row.signal if c == 0 else "", coefficient
             if follow and signal and self.signals[signal] != Constant(1.0):
                 raise ScenarioError(f"load '{row.name}' follows both a command and a schedule. Combine them into one.", self.scenario.title)
             if c == 0 and signal.startswith("load "):
-                number = self._power(row.name, own, numbers, given)
+                number = self._power(row.name, coefficient, numbers, given)
             out.append((number, follow or signal))
         return out
 
-    def _power(self, load: str, own: Number, numbers: Numbers, given: Mapping[str, Number]) -> Number:
+    def _power(self, load: str, watts: Number, numbers: Numbers, given: Mapping[str, Number]) -> Number:
         """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
             return gain * given[f"scale.{load}"] if f"scale.{load}" in given else gain
         if f"watts {load}" in self.signals:
             return given.get(f"scale.{load}", 1.0)
-        return own * given[f"scale.{load}"] if f"scale.{load}" in given else own
+        return watts * given[f"scale.{load}"] if f"scale.{load}" in given else watts
 
     def _initial_of(self, node: str, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> Number:
         """Return the initial temperature of a node; NaN stands for one that is still to be solved for. [K]"""
@@ -877,8 +877,8 @@ class Wiring:
         assert self.structure  # laid out before it is shared
         out = copy(self)
         out.signals = {}
-        for name, given in self.signals.items():
-            out.signals[name] = mean_of(given, span)
+        for name, drawn in self.signals.items():
+            out.signals[name] = mean_of(drawn, span)
         return out
 
     @property
@@ -900,9 +900,9 @@ class Wiring:
         return varying + value_of(offsets[name])
 
 
-def mean_of(given: Drawn, span: float) -> Drawn:
+def mean_of(drawn: Drawn, span: float) -> Drawn:
     """Return an input held at its mean over a span from zero [s]; a table of one row keeps its place among the coefficients."""
-    return given if isinstance(given, Constant) else TableSignal(np.zeros(1), np.array([given.mean_over(0.0, span)]))
+    return drawn if isinstance(drawn, Constant) else TableSignal(np.zeros(1), np.array([drawn.mean_over(0.0, span)]))
 
 
 def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> float:
@@ -1022,8 +1022,8 @@ def _csr(values: Sequence[Number], free: int) -> Csr:
 
 def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
     """Yield each row with its position among the rows of its name."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for row in rows:
-        position = seen.get(row.name, 0)
-        seen[row.name] = position + 1
+        position = counts.get(row.name, 0)
+        counts[row.name] = position + 1
         yield row, position

@@ -1,0 +1,132 @@
+"""Powers that act later than they were logged: the delay stated, or found by the fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.errors import RecordError, ThermidError
+
+BOX = td.model_from_dict(
+    {
+        "title": "Box",
+        "needs": ["air"],
+        "nodes": {"case": {"capacitance": "300 [J/K]"}},
+        "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"}},
+        "loads": {"heat": {"into": "case", "power": "10 [W]"}},
+    }
+)
+TIMES = np.arange(0.0, 1801.0, 5.0)
+SWITCHES = np.array([100.0, 503.0, 702.0, 1101.0])
+LEVELS = np.array([3.0, 20.0, 3.0, 12.0, 3.0])
+FREE = ["case.capacitance", "out.conductance"]
+AIR = td.Scenario("s", {"air": "20 [degC]"}, start="20 [degC]")
+CAMPAIGN = """
+title = "late"
+
+[records.bench]
+file     = "bench.csv"
+channels = { T = { node = "case", noise = "0.05 [K]" }, P = { load = "heat" } }
+prepare  = [{ delay = { by = ["0 [s]", "1 [min]"] } }]
+
+[[stages]]
+name     = "box"
+model    = "box.toml"
+records  = ["bench"]
+free     = ["case.capacitance", "out.conductance"]
+scenario = { boundaries = { air = "20 [degC]" }, start = "20 [degC]" }
+"""
+
+
+def power(times: np.ndarray) -> np.ndarray:
+    return LEVELS[np.searchsorted(SWITCHES, times, side="right")]
+
+
+def late(delay: float, seed: int = 3) -> td.Record:
+    """A synthetic log whose power acts some seconds after it was logged."""
+    instants = np.r_[0.0, np.repeat(SWITCHES + delay, 2) + np.tile([-1e-6, 0.0], 4), TIMES[-1]]
+    act = (instants, np.repeat(LEVELS, 2))
+    made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": act}, start="20 [degC]", duration=float(TIMES[-1]))
+    readings = td.simulate(BOX, made, times=TIMES)["case"].kelvin + 0.05 * np.random.default_rng(seed).standard_normal(TIMES.size)
+    channels = {
+        "T": td.Channel.of("T", readings, role="node", target="case", noise=0.05),
+        "P": td.Channel.of("P", power(TIMES), quantity="power", role="load", target="heat"),
+    }
+    return td.Record.from_arrays("bench", TIMES, channels)
+
+
+def delay_of(found: td.Calibration):
+    return next(one for one in found.local if one.name == "delay")
+
+
+@pytest.mark.parametrize("delay", [7.3, 33.3])
+def test_a_delay_is_found(delay: float) -> None:
+    found = td.calibrate(BOX, late(delay).delayed(("0 [s]", "1 [min]")), FREE, scenario=AIR)
+    one = delay_of(found)
+    assert one.value == pytest.approx(delay, abs=2.5 * one.error)
+    assert 0.2 < one.error < 2.5  # four changes, each known to 5 s over the root of 12
+    assert found["case.capacitance"].value == pytest.approx(300.0, abs=3.0 * found["case.capacitance"].error)
+    assert found["out.conductance"].value == pytest.approx(0.5, abs=3.0 * found["out.conductance"].error)
+
+
+def test_a_stated_delay_is_that_shift_of_the_power() -> None:
+    record = late(10.0)
+    same = td.Record.from_arrays(
+        "bench", TIMES, dict(record.channels) | {"P": td.Channel.of("P", power(TIMES - 10.0), quantity="power", role="load", target="heat")}
+    )
+    one, other = (td.calibrate(BOX, r, FREE, scenario=AIR) for r in (record.delayed(10.0), same))
+    for name in FREE:
+        assert one[name].value == pytest.approx(other[name].value, rel=1e-6)  # tolerance of the solver
+    assert record.delayed(10.0).steps[-1] == "delay: P, 10 s"
+    assert "its first value is used before" in str(one)
+
+
+def test_a_delay_that_is_no_multiple_of_the_step_makes_no_double_times() -> None:
+    fine = td.Record.from_arrays("fine", 0.1 * np.arange(200), dict(late(0.0).trim(0, 995.0).channels))
+    moved = fine.delayed(0.3)
+    assert moved.times.size == 203
+    assert np.diff(moved.times).min() > 0.09
+
+
+def test_a_campaign_finds_a_delay(tmp_path: Path) -> None:
+    late(21.0).to_csv(tmp_path / "bench.csv")
+    td.save_model(BOX, tmp_path / "box.toml")
+    (tmp_path / "late.toml").write_text(CAMPAIGN)
+    found = td.run_stages(tmp_path / "late.toml")["box"]
+    assert delay_of(found).value == pytest.approx(21.0, abs=2.5 * delay_of(found).error)
+
+
+@pytest.mark.parametrize(
+    ("by", "channels", "message"),
+    [
+        (5.0, ["T"], "'T' is no load, command or boundary, so it cannot be delayed. Name the channels that drive the model."),
+        (5.0, [], "the record has no load or command, so it cannot be delayed."),
+        ((5.0, 2.0), None, "the range 5 .. 2 of its clock's delay must begin with the lower number."),
+        ((1.0, 2.0, 3.0), None, "3 times are given. Give one delay, or the two ends of its range."),
+        ("1 [h]", None, "a delay of up to 3600 s is as long as the record."),
+        (5.0, ["Q"], "Q"),
+    ],
+)
+def test_what_cannot_be_delayed(by, channels, message) -> None:
+    with pytest.raises(ThermidError) as refused:
+        late(0.0).delayed(by, channels)
+    assert message in str(refused.value)
+
+
+def test_only_one_clock_is_left_to_the_fit() -> None:
+    with pytest.raises(RecordError, match=r"Only one clock at a time may be\."):
+        late(0.0).delayed((0.0, 60.0)).delayed((0.0, 60.0))
+
+
+@pytest.mark.campaign
+def test_intervals_of_delays_hold() -> None:
+    rng = np.random.default_rng(21)
+    inside = 0
+    for seed in range(200):
+        delay = rng.uniform(5.0, 55.0)
+        one = delay_of(td.calibrate(BOX, late(delay, seed).delayed((0.0, 60.0)), FREE, scenario=AIR))
+        inside += abs(one.value - delay) < 1.96 * one.error
+    assert inside >= 181  # 99 % binomial range about 95 % of 200, below
