@@ -36,30 +36,30 @@ ROOT_PAGES = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.m
 """Page of the site -> file at the root of the repository."""
 
 ROOMS = {
-    "model": "What the hardware is: parts, decks, areas, laws.",
-    "network": "The equations behind a model, and the gas and radiation that they stand in.",
-    "simulation": "What is done to the hardware, and what comes out.",
-    "site": "A place on the ground, ascents, orbits, weather, moisture: an optional part.",
+    "model": "The hardware: parts, decks, areas, laws.",
+    "network": "The equations of a model, with surrounding gas and radiation.",
+    "simulation": "Conditions of a run, and its results.",
+    "site": "Sites on the ground, ascents, orbits, weather, moisture; an optional part.",
     "measure": "Logs, their channels and sensors.",
-    "knowledge": "What is known of values: how far they may be trusted, their uncertainty by source.",
+    "knowledge": "Knowledge of values: their standing, and their uncertainty by source.",
     "fit": "Fits, and the alignment of clocks.",
-    "inference": "What logs can tell beyond a fit: identifiability, profiles, valleys, posterior samples.",
-    "estimation": "Fits and states where the model itself is driven by noise.",
-    "power": "Powers that nobody measured.",
-    "explain": "Why a model misses, which parameters would explain it, and whether values are physical.",
-    "judge": "Verdicts on records that no fit has seen; correlation, limits, margins, comparisons.",
+    "inference": "Inference beyond a fit: identifiability, profile likelihood, parameter trade-offs, posterior samples.",
+    "estimation": "Fits and states with process noise.",
+    "power": "Estimates of unmeasured powers.",
+    "explain": "Causes of a misfit, parameters that would explain it, and whether values are physical.",
+    "judge": "Verdicts on hold-out records; correlation, limits, margins, comparisons.",
     "campaign": "Fits in stages, replaced parts, methodologies.",
-    "prediction": "What a model leaves open in a scenario, by source; what it says before a test; coefficients taken apart.",
-    "design": "The test to make next.",
-    "profiles": "Profiles of environmental tests, by the numbers of the standards.",
+    "prediction": "Uncertainty of a prediction by source; predictions before a test; coefficients separated into convection and radiation.",
+    "design": "The choice of the next test.",
+    "profiles": "Profiles of environmental tests, with the numbers of the standards.",
     "profile_runs": "Profiles run on a model.",
-    "steadiness": "Rules of stability, and forecasts of tests that still run.",
-    "monte_carlo": "Many runs with all that is not known drawn anew; how long limits are kept.",
-    "reduction": "Models made of models: fewer masses, a unit on its host.",
-    "qualify": "Plans worked through to a verdict, deliveries.",
-    "reporting": "Pages and pictures.",
+    "steadiness": "Rules of stability, and forecasts of running tests.",
+    "monte_carlo": "Many runs with random draws of all uncertain inputs; hold times.",
+    "reduction": "Reduced models with fewer masses; a unit on its host.",
+    "qualify": "Plans, their verdicts, deliveries.",
+    "reporting": "Reports and pictures.",
     "physics": "The comparison of a measured coefficient with correlations.",
-    "interop": "Parameters from other tools, models to other tools.",
+    "interop": "Import of parameters from other tools, export of models.",
 }
 """Room -> what is in it; the package's folders, in reading order."""
 
@@ -112,7 +112,7 @@ def reference(room: str) -> str:
 
 
 def _errors() -> str:
-    head = "Every error is a `ThermidError`: what is wrong, where, and what to do. A command leaves with the exit code of its class."
+    head = "Every error is a `ThermidError`. It states what is wrong, where, and what to do. A command exits with the code of its class."
     made = [name for name, thing in vars(errors).items() if isinstance(thing, type) and thing.__module__ == errors.__name__]
     return "\n\n".join(["# Errors", head, *(f"::: thermid.errors.{name}" for name in made)]) + "\n"
 
@@ -126,7 +126,7 @@ def commands() -> str:
     group: Any = typer.main.get_command(cli.app)
     parts = [
         "# Command line",
-        "What each command takes; `thermid COMMAND --help` says the same. [Files and commands](files.md) shows them at work.",
+        "Arguments and options of each command, as in `thermid COMMAND --help`. [Files and commands](files.md) has examples.",
     ]
     of = ""
     for name, command in group.commands.items():
@@ -155,7 +155,7 @@ DECISIONS = {
     "model": "1 2 3 4 7 10 20 21 51 110 112 114 115 126 127 128 133 134 142 157 158 193 211",
     "network and physics": "6 16 19 50 52 53 54 57 59 61 104 125 137 140 141 191 192 202 204",
     "kernel and simulation": "5 18 22 24 25 26 27 29 30 31 32 62 75 96 97 98 103 129 130 131 132 135 136 150 151 156 160 175 200 203",
-    "measure": "12 35 37 101 102 145 146 147 148 149 165 177",
+    "measure": "12 35 37 101 102 145 146 147 148 149 165 177 219 233",
     "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163 185 186 223",
     "knowledge and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172",
     "prediction and power": "34 46 49 121 122 124 178 179 190 195 196 222",
@@ -165,10 +165,10 @@ DECISIONS = {
     "acquire": "71 73 80 81 90 92 164",
     "interop": "23 194 197 198 199 201",
     "estimation and watch": "180 181 182 183 184",
-    "start": "188",
-    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212",
+    "start": "188 229 234",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 227",
 }
-"""Rooms -> numbers of the decisions about them; what stands nowhere is about the project as a whole."""
+"""Rooms -> numbers of the decisions about them; the others are about the project as a whole."""
 
 
 def decisions() -> str:
@@ -177,7 +177,7 @@ def decisions() -> str:
     groups = {rooms: [int(number) for number in numbers.split()] for rooms, numbers in DECISIONS.items()}
     placed = {number for numbers in groups.values() for number in numbers}
     groups["the project"] = [number for number in titles if number not in placed]
-    parts = ["# Decisions", "Why it is as it is: each note has the question, the choices, the decision, and what would change our mind."]
+    parts = ["# Decisions", "Each note states a question, the choices, the decision with its reason, and what would change it."]
     for rooms, numbers in groups.items():
         paths = [titles[number] for number in numbers]
         rows = [f"- [{path.read_text(encoding='utf-8').splitlines()[0].removeprefix('# ')}]({path.name})" for path in paths]
@@ -199,7 +199,7 @@ def draw(name: str, folder: Path) -> str:
             main()
         except SystemExit as end:
             if end.code:
-                raise RuntimeError(f"{name}: thermid {' '.join(command)} left with {end.code}") from end
+                raise RuntimeError(f"{name}: thermid {' '.join(command)} ended with exit code {end.code}") from end
         finally:
             sys.argv = arguments
     return target.read_text(encoding="utf-8")

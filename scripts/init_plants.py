@@ -164,6 +164,10 @@ def judged(seed: int) -> dict[str, Any]:
     row["known_likelihood"] = truth.held.likelihood(found.search.scale) - found.search.start.held.likelihood(found.search.scale)
     own = [found.search.likelihood(s) for s in found.search.structures if s.nodes == plant.order and s.possible]
     row["apart"] = max(own) - row["likelihood"] if own else None
+    best: dict[int, float] = {}
+    for one in (s for s in found.search.structures if s.possible):
+        best[one.nodes] = max(best.get(one.nodes, -np.inf), found.search.likelihood(one) - row["likelihood"])
+    row["by_order"] = best
     row["changes"] = [c.name for c in found.chosen.changes]
     row["error_K"], row["known_error_K"] = error_on(found.chosen, plant.other), error_on(truth, plant.other)
     row["noise_K"], row["taus_s"] = plant.noise, [round(float(t), 1) for t in plant.taus]

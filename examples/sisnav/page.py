@@ -267,15 +267,17 @@ def warmer(work: Work) -> Table:
 
 
 LIMITS = (
-    "Every log is synthetic. That the fits find the hidden unit shows that the procedure works, not what the real unit does.",
-    "22 free parameters of the model are not printed and were assumed; with handbook values and nominal thicknesses the decks mark more.",
-    "'Around', 'slightly' and 'approximately' were given widths; the figures' curves were not available.",
-    "One node a case: nothing is said of the electronics inside, where Biot numbers are above 0.1.",
-    "The second structure shares the laboratory's form (exponent 1/4, grey radiation), which is textbook physics; its values are hidden. "
-    "Real air and real finishes can differ from both.",
-    "In vacuum joints keep the conductance that they had in air; gas in the joints is not taken apart.",
-    "Actions 8 to 12 are not judged here; with an assumed host, fixture and limits they are shown in examples/sisnav/macro and "
-    "examples/sisnav/qualification.",
+    "Every log is synthetic. The fits find the true values of the simulated unit. This shows that the procedure works; it does not "
+    "show how the real unit behaves.",
+    "22 free parameters of the model are not printed and were assumed. The decks mark more assumed values, such as handbook values "
+    "and nominal thicknesses.",
+    "The words 'around', 'slightly' and 'approximately' were given numerical widths. The curves of the figures were not available.",
+    "Each case has one node. The results do not cover the electronics inside, where Biot numbers are above 0.1.",
+    "The second structure shares the laboratory's form (exponent 1/4, grey radiation), which is textbook physics; its values are "
+    "hidden. Real air and real finishes can differ from both.",
+    "In vacuum, joints keep their conductance of air. Conduction through gas in the joints is not separated.",
+    "Actions 8 to 12 have no verdict here. examples/sisnav/macro and examples/sisnav/qualification show them with an assumed host, "
+    "fixture and limits.",
 )
 
 

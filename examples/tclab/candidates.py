@@ -175,7 +175,7 @@ def candidates() -> dict[str, Candidate]:
         "radiation": candidate("... and radiation", radiating),
         "beta": candidate("... and power that rises with temperature", radiating, more=BETAS),
         "linear board": candidate("board, lag, linear losses, no radiation", Heater(loses=True, emissivity=0.0, beta=0.0), BOARD, TO_ROOM),
-        "board": candidate("board, lag, radiation, beta held at 0.001/K", Heater(), BOARD, TO_ROOM),
+        "board": candidate("board, lag, radiation, beta fixed at 0.001/K", Heater(), BOARD, TO_ROOM),
         "board, beta": candidate("... with beta of each heater free", Heater(), BOARD, TO_ROOM, more=BETAS),
         "board, emissivity": candidate("... with the emissivity of each heater free", Heater(), BOARD, TO_ROOM, more=emissivities),
         "board, curve": candidate(
@@ -187,7 +187,7 @@ def candidates() -> dict[str, Candidate]:
         ),
         "board, 1/4": candidate("... with dT^1.25 convection to the board's air", Heater(power_law=0.25), BOARD, TO_ROOM),
         "box": candidate(
-            "box air and walls in place of the board", inside, {"box": "100 [J/K]"}, {"to_room": ("box", "room", "0.15 [W/K]")}
+            "box air and walls instead of the board", inside, {"box": "100 [J/K]"}, {"to_room": ("box", "room", "0.15 [W/K]")}
         ),
         "board in a box": candidate(
             "board, and walls that take its heat and all radiation",

@@ -283,7 +283,7 @@ def compared(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def text(rows: list[Mapping[str, Any]]) -> str:
     """Return the comparison as a table of Markdown, with what is doubtful below."""
     heads = ["structure", "free", "-2 log L", "dAIC", "dQAIC", *(kind.replace("_", " ") for kind in TRAINING)]
-    heads += ["unseen, room fitted", "unseen, first readings", "room trend"]
+    heads += ["hold-out, ambient fitted", "hold-out, first readings", "ambient trend"]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     notes = []
     for row in rows:

@@ -12,6 +12,7 @@ import hashlib
 import os
 import platform
 import re
+import select
 import shutil
 import stat
 import struct
@@ -20,20 +21,20 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from thermid.errors import OutputError
+from thermid.errors import OutputError, ThermidError, cap, raising
 
 NETCDF_SOURCE: Final = "thermid"
 """Attribute `source` of a netCDF file."""
 _DAY: Final = 86400.0
+SILENCE: Final = 10.0
+"""Time after which a pipe out of which nothing comes is given up. [s]"""
 _STARTED: Final = time.time()
 _HOST: Final = hashlib.sha256(platform.node().encode()).hexdigest()[:6]
 _HALF: Final = re.compile(r"^\.(?P<host>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}\.half\.")
-_DEEPEST: Final = 64
-_LONG_KEY: Final = re.compile(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""")
 
 
 @dataclass(frozen=True)
@@ -44,14 +45,18 @@ class FileKind:
     ----------
     name : str          In words, for messages and seals.
     own : callable      Whether a file is one that thermid wrote; None for the seal.
+    endings : tuple     How the names of such files end; empty where any will do.
+    named : bool        Whether a name must have one of these endings, because it chooses the format or other programs go by it.
     """
 
     name: str
     own: Callable[[Path], bool] | None = None
+    endings: tuple[str, ...] = ()
+    named: bool = False
 
     def of(self, title: str) -> FileKind:
         """Return the kind of one thing: a file of it is not replaced by one of another."""
-        return FileKind(f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
+        return replace(self, name=f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
 
     def wrote(self, path: Path) -> bool:
         """Whether thermid wrote a file as this kind, and nobody changed it since."""
@@ -79,22 +84,41 @@ def _from_netcdf(path: Path) -> bool:
         return False
 
 
-DECK: Final = FileKind("deck")
-VALUES: Final = FileKind("values file")
-SCENARIO: Final = FileKind("scenario")
-PROFILE: Final = FileKind("profile")
-STUDY: Final = FileKind("study")
-CREDIBILITY: Final = FileKind("credibility record")
-PAGE: Final = FileKind("page")
-PAPER: Final = FileKind("printed page")
-PICTURE: Final = FileKind("picture")
-EXPORT: Final = FileKind("export")
-EQUATIONS: Final = FileKind("equations file")
-DELIVERY: Final = FileKind("delivery")
-TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"))
-LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"))
-NETCDF: Final = FileKind("netCDF file", _from_netcdf)
-SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"))
+FORMATS: Final = {
+    **dict.fromkeys((".html", ".htm"), "a page"),
+    ".pdf": "a PDF",
+    ".svg": "an SVG picture",
+    **{f".{word}": f"a picture in {word.upper()}" for word in ("png", "jpg", "jpeg", "gif", "bmp", "tif", "tiff", "webp", "eps")},
+    ".csv": "a table in text",
+    **dict.fromkeys((".xls", ".xlsx", ".ods"), "a workbook"),
+    **dict.fromkeys((".doc", ".docx", ".odt"), "a word processor's document"),
+    **dict.fromkeys((".nc", ".h5", ".hdf5"), "a netCDF or HDF5 file"),
+    **dict.fromkeys((".gz", ".zip", ".bz2", ".xz"), "a compressed file"),
+    ".toml": "a TOML file",
+    ".json": "a JSON file",
+}
+"""Ending of a name -> what every program takes such a file for; other endings promise nothing."""
+_TEXTS: Final = (".csv", ".toml", ".json")
+
+
+DECK: Final = FileKind("deck", endings=(".toml",))
+VALUES: Final = FileKind("values file", endings=(".toml",))
+SCENARIO: Final = FileKind("scenario", endings=(".toml",))
+PROFILE: Final = FileKind("profile", endings=(".toml",))
+STUDY: Final = FileKind("study", endings=(".toml",))
+CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
+PAGE: Final = FileKind("page", endings=(".html", ".htm"))
+PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
+PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)
+DRAWING: Final = FileKind("picture", endings=(".svg",), named=True)
+"""A picture that is drawn as SVG alone."""
+EXPORT: Final = FileKind("export", endings=_TEXTS)
+EQUATIONS: Final = FileKind("equations file", endings=_TEXTS)
+DELIVERY: Final = FileKind("delivery", endings=(".json",))
+TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"), (".csv",))
+LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"), (".csv",))
+NETCDF: Final = FileKind("netCDF file", _from_netcdf, (".nc", ".h5", ".hdf5"))
+SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"), (".csv",))
 """In the folder of a report's tables, which nobody else names so."""
 COPY: Final = FileKind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
@@ -132,17 +156,38 @@ def was_read(path: str | os.PathLike[str]) -> None:
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Return the bytes of an input."""
-    data = Path(path).read_bytes()
+    """Return the bytes of an input; from a pipe or a device only while something comes, and up to the cap `unpacked`.
+
+    Raises
+    ------
+    OSError        When it cannot be read; it names `path`.
+    ThermidError   When a pipe stays silent, or more comes than the cap.
+    """
+    mode = os.stat(path).st_mode
+    data = Path(path).read_bytes() if stat.S_ISREG(mode) or stat.S_ISDIR(mode) else _piped(path)
     was_read(path)
     return data
 
 
+def _piped(path: str | os.PathLike[str]) -> bytes:
+    """Return what comes out of a pipe or a device."""
+    pipe, data, most = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), bytearray(), int(cap("unpacked"))
+    try:
+        while len(data) <= most:
+            if not select.select([pipe], [], [], SILENCE)[0]:
+                raise ThermidError(f"this is a pipe, and nothing came out of it within {SILENCE:g} s. Give the path of a file.", str(path))
+            part = os.read(pipe, 1 << 20)
+            if not part:
+                return bytes(data)
+            data += part
+    finally:
+        os.close(pipe)
+    raise ThermidError(f"more than {most / 1e6:.0f} MB came out of this pipe or device.{raising('unpacked')}", str(path))
+
+
 def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     """Return the text of an input, line ends as Python has them."""
-    text = Path(path).read_text(encoding=encoding)
-    was_read(path)
-    return text
+    return read_bytes(path).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -154,8 +199,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     import tomllib
 
-    if _LONG_KEY.search(text):
-        raise tomllib.TOMLDecodeError(f"a key has {_DEEPEST} parts or more")
+    most = int(cap("key"))
+    if re.search(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{most}}}""", text):
+        raise tomllib.TOMLDecodeError(f"a key has {most} parts or more.{raising('key').rstrip('.')}")
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -166,15 +212,36 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(f"a number has too many digits ({error})") from None
 
 
+def check_ending(path: str | os.PathLike[str], kind: FileKind) -> Path:
+    """Return a path whose ending does not promise another format than the one that is written; the one place that decides so.
+
+    Parameters
+    ----------
+    path : path         File to write.
+    kind : FileKind     What is written into it.
+
+    Raises
+    ------
+    OutputError   When the ending is that of another format, as `.pdf` for a table, or none at all where the kind needs one.
+    """
+    target = Path(path)
+    ending = target.suffix.lower()
+    if not kind.endings or ending in kind.endings or (ending not in FORMATS and not kind.named):
+        return target
+    own = " or ".join(kind.endings)
+    promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
+    raise OutputError(f"{promise} the {kind.name} is written as {own}. Give a name that ends so.", str(path))
+
+
 def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
     """Return the file that a path leads to, links followed, when it may be written; ask before long work.
 
     Raises
     ------
-    OutputError   When it is an input of this command, or a file that thermid did not write as this kind.
+    OutputError   When it is an input of this command, a file that thermid did not write as this kind, or has an ending of another format.
     OSError       When it is a folder or read-only, or its folder is missing; it names `path`.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(check_ending(path, kind)))
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not target.parent.is_dir():

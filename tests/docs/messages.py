@@ -45,6 +45,53 @@ BOUND = {
 """Phrases of no message, because another word of the page is bound to the meaning -> that word."""
 
 
+DIALECT = {
+    r"\b(no|some)body('s)?\b": "name who or what; unmeasured, not stated",
+    r"\b(cannot|could not|would) tell\b|\btold\b|\btells?\b": "does not determine, states",
+    r"\bhand(s|ed|ing)? (on|up)\b": "inherited, passed on",
+    r"\bin place of\b": "instead of",
+    r"\b[Ww]ho(ever)? (has|had|knows|asks)\b": "if you",
+    r"\bhangs? on\b|\brests? on what\b": "depends on",
+    r"\bstands? (in|under|at|there|as)\b": "is, is given in",
+    r"\bthat no (fit|stage|model) has seen\b|\bunseen\b": "hold-out record",
+    r"\bleft over\b|\bwhat (it|a fit) leaves\b": "residual",
+    r"\bwander(s|ed|ing)?\b": "autocorrelated",
+    r"\bmend(s|ed)?\b": "correct",
+    r"\bsuspects?\b": "possible cause, candidate",
+    r"\basked for\b": "requested",
+    r"\bt(ak(en?|es)|old) ([\w-]+ ){0,5}apart\b": "separate",
+    r"\b(say|says|said) (what|how|which|where|why|that|whether|so|it|when|who|more)\b": "state, name, give",
+    r"\bheld (against|to)\b|\bhold(s)? (it|them) against\b": "compared with, checked against",
+    r"\bsettled stretch": "steady period",
+    r"\bin silence\b": "silently, without a message",
+    r"\bone's own\b|\bof (yours|theirs)\b": "your own",
+    r"\blets? out\b": "loses, heat loss",
+    r"\bfurthest off\b|\bby far off\b": "worst",
+    r"\b(can|may|to) be had\b": "is available",
+    r"\bmust be shown\b": "claim",
+}
+"""Phrases of no guide, no title of a decision and no page of a report -> what to write."""
+
+NOT_GUIDES = {"benchmarks.md", "coverage.md", "mutants.md", "recipes.md", "torture.md"}
+"""Pages that programs write, or that are for developers."""
+
+
+def guides() -> list[Path]:
+    """Return the pages that a user reads: guides, README, templates of reports."""
+    pages = [p for pattern in ("*.md", "howto/*.md", "from/*.md") for p in (ROOT / "docs").glob(pattern) if p.name not in NOT_GUIDES]
+    pages += [ROOT / "README.md", ROOT / "examples/sisnav/study.md.in", *(ROOT / "examples").glob("*/README.md")]
+    return [*sorted(pages), *sorted((ROOT / "src/thermid").rglob("*.jinja"))]
+
+
+def sentences(text: str) -> Iterator[tuple[int, str]]:
+    """Line and text of the prose of a page: without code, targets of links, markup and places of a template, or words."""
+    bare = re.sub(
+        r"^```.*?^```$|\{[%#].*?[%#]\}|^## Words$.*?(?=^## )", lambda m: "\n" * m[0].count("\n"), text, flags=re.DOTALL | re.MULTILINE
+    )
+    for number, line in enumerate(bare.splitlines(), 1):
+        yield number, re.sub(r"`[^`]*`|\]\([^)]*\)|\{\{.*?\}\}|<[^>]*>", " ", line)
+
+
 def text_of(node: ast.AST) -> str | None:
     """Text of a literal or of a formatted one, its places as {expression}."""
     match node:

@@ -7,11 +7,13 @@ from functools import cache
 
 import pytest
 
-from .messages import BANNED, BOUND, ROOT, messages
+from .messages import BANNED, BOUND, DIALECT, ROOT, guides, messages, sentences
+from .pages import DECISIONS
 
 WRITTEN = [
     *(ROOT / "src" / "thermid").rglob("*.py"),
     *(ROOT / "src" / "thermid").rglob("*.js"),
+    *(ROOT / "src" / "thermid").rglob("*.jinja"),
     *(ROOT / "docs").rglob("*.md"),
     *(ROOT / "examples").rglob("*.md"),
     *(ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"),
@@ -38,6 +40,13 @@ def every_message() -> list[tuple[str, str]]:
     return [(f"{p.relative_to(ROOT)}:{line}", text) for p in sources for line, text in messages(p)]
 
 
+@cache
+def prose() -> list[tuple[str, str]]:
+    """Place and text of every line of prose of the guides, and of the titles of the decisions."""
+    out = [(f"{p.relative_to(ROOT)}:{k}", line) for p in guides() for k, line in sentences(p.read_text(encoding="utf-8"))]
+    return out + [(path.name, path.read_text(encoding="utf-8").partition("\n")[0]) for path in DECISIONS]
+
+
 @pytest.mark.parametrize("phrase", BANNED)
 def test_no_text_has_a_banned_phrase(phrase: str) -> None:
     hits = [f"{place}: {line.strip()[:100]}" for place, line in lines() if re.search(phrase, line)]
@@ -53,3 +62,15 @@ def test_no_message_uses_a_word_for_another_meaning(phrase: str) -> None:
 @pytest.mark.parametrize(("phrase", "text"), [(0, "a and b cannot be told apart"), (1, "the model as it stands"), (4, "leaves with 2")])
 def test_a_banned_phrase_is_found(phrase: int, text: str) -> None:
     assert re.search(list(BANNED)[phrase], text)
+
+
+@pytest.mark.parametrize("phrase", DIALECT)
+def test_no_guide_has_a_phrase_of_dialect(phrase: str) -> None:
+    hits = [f"{place}: {line.strip()[:120]}" for place, line in prose() if re.search(phrase, line)]
+    assert hits == [], f"write: {DIALECT[phrase]}"
+
+
+def test_a_phrase_of_dialect_is_found_in_prose_alone() -> None:
+    page = "Logged by nobody.\n\n```sh\nnobody\n```\n`nobody` and [x](nobody.md)\n<p>{{ nobody }}</p> {% if\nnobody %} nobody"
+    assert [k for k, line in sentences(page) if re.search(next(iter(DIALECT)), line)] == [1, 8]
+    assert len(guides()) > 30

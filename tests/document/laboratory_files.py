@@ -62,21 +62,22 @@ def _planilha(times: np.ndarray, columns: dict[str, np.ndarray]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def written(logs: Path, folder: Path, only: tuple[str, ...] = ()) -> Path:
+def written(logs: Path, folder: Path, only: tuple[str, ...] = (), decks: Path = SISNAV) -> Path:
     """Write decks, files of the instruments and campaign of the document into a folder, and return the path of the campaign.
 
     Parameters
     ----------
     logs : path     Logs of the virtual laboratory.
     only : tuple    Stages that are kept; all of them where empty.
+    decks : path    Folder of the decks and of their campaign.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "thermid.toml").write_text("")
-    for deck in SISNAV.glob("*.toml"):
+    for deck in decks.glob("*.toml"):
         shutil.copy(deck, folder / deck.name)
-    text = (SISNAV / "campaign.toml").read_text()
+    text = (decks / "campaign.toml").read_text()
     content = tomllib.loads(text)
-    stages = ["[[" + part for part in text.split("[[")[1:]]
+    stages = ["[[" + part for part in text.split("[[")[1:] if part.startswith(("stages]]", "verdicts]]"))]
     kept = [s for s in stages if not only or any(f'"{name}"' in s.splitlines()[1] for name in only)]
     tables = {}
     for name, table in content["records"].items():

@@ -49,7 +49,8 @@ def test_the_full_model_is_validated_from_files_and_commands(logs: Path, tmp_pat
     assert command("check", campaign).returncode == 0
     done = command("calibrate", campaign, "--json")
     said = json.loads(done.stdout)
-    # m_IMU misses its hold-out record by 0.9 K here as it does from plain logs: see the study's page
+    # m_IMU misses its hold-out record by 0.9 K here as it does from plain logs: one constant coefficient a surface, fitted where a part
+    # warms up and settles, is too large after a pause; the test below has the other law
     assert {v["model"]: v["passed"] for v in said["verdicts"]} == {"m_PrE": True, "m_IMU": False, "m_Sd": True}, done.stdout[:2000]
     assert all(c["found_K"] < 0.45 for v in said["verdicts"] if v["model"] == "m_Sd" for c in v["checks"])
     assert [s["mistakes"]["named"] for s in said["stages"]] == [[]] * 9
@@ -57,3 +58,16 @@ def test_the_full_model_is_validated_from_files_and_commands(logs: Path, tmp_pat
     page = folder / "page.html"
     assert command("report", campaign, "--to", page).returncode == 1  # the verdict on m_IMU
     assert page.stat().st_size > 100_000
+
+
+@pytest.mark.campaign
+def test_every_model_is_validated_with_natural_convection(logs: Path, tmp_path: Path) -> None:
+    """The same files with the decks of `structures.py`: all three verdicts are met, m_IMU among them."""
+    subprocess.run([sys.executable, str(SISNAV / "structures.py"), str(tmp_path / "decks")], check=True, capture_output=True)
+    campaign = written(logs, tmp_path / "lab", decks=tmp_path / "decks")
+    said = json.loads(command("calibrate", campaign, "--json").stdout)
+    assert {v["model"]: v["passed"] for v in said["verdicts"]} == {"m_PrE": True, "m_IMU": True, "m_Sd": True}
+    checks = [c for v in said["verdicts"] if v["model"] == "m_IMU" for c in v["checks"] if c["sensor"].startswith("T_")]
+    assert len(checks) == 5
+    assert all(c["found_K"] < 0.25 for c in checks)
+    assert all(s["synthetic"] for s in said["stages"])

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from typer.testing import CliRunner
 
 import thermid as td
 from thermid.campaign.survey import check_campaign
+from thermid.cli.app import app
 from thermid.measure import Channel
 from thermid.model.laws.signal import TableSignal
 
@@ -235,6 +237,19 @@ def test_the_blank_tail_of_a_channel_is_said() -> None:
     assert row.source == "assumed"
     assert "no valid sample in the last 1820 s: its last value is used up to the end" in row.words
     assert "no valid sample in the last" in " ".join(str(fit).splitlines()[:4])
+
+
+def test_a_channel_that_begins_late_is_not_called_missing(campaign: Path) -> None:
+    """A power that a second logger began 50 s later stood under "neither log nor scenario gives it"."""
+    rows = "\n".join(f"{10 * k},{30 - 0.1 * k:.2f},20.0,{'' if k < 5 else '3.2'}" for k in range(30))
+    (campaign.parent / "a.csv").write_text(f"time_s,T [degC],A [degC],P [W]\n{rows}\n")
+    campaign.write_text(CAMPAIGN.replace('A = { boundary = "air" }', 'A = { boundary = "air" }\nP = { load = "heat" }'))
+    said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
+    assert "box: assumed where the log is silent, because its channel begins late or ends early: heat (load)" in said
+    assert "neither log nor scenario" not in said
+    campaign.write_text(CAMPAIGN)
+    said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
+    assert "box: assumed, because neither log nor scenario gives it: heat (load)" in said
 
 
 # check opens the logs -----------------------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ from thermid.errors import IdentificationError, SolverError, ThermidError
 from thermid.explain.mistakes import Mistakes, find_mistakes
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
+from thermid.measure.record.codes import stray_readings
 
 AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
 """Kinds of mistakes that are seen in the log itself."""
@@ -14,6 +15,8 @@ AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
 def mistakes_of(fit: Calibration) -> Mistakes:
     """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
     if fit.request is None or not fit.records or not fit.values.parameters or any(e.ticks is not None for e in fit.experiments):
+        return Mistakes(fit.stage)
+    if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
         return Mistakes(fit.stage)
     return find_mistakes(fit.request, fit.stage)
 
@@ -27,6 +30,8 @@ def next_command(campaign: str, fit: Calibration, found: Mistakes) -> str:
     fit : Calibration   A stage.
     found : Mistakes    What would explain it.
     """
+    if fit.request is not None and stray_readings(fit.request.records):
+        return f"thermid check {campaign}"
     mistake = found.first
     if mistake is not None and mistake.kind == "load":
         return f"thermid criticise {campaign} --stage '{fit.stage}'"
@@ -43,7 +48,7 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
     """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
     if not isinstance(error, IdentificationError | SolverError):
         return error
-    found = find_mistakes(request, stage)
-    words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in found.lines()]
+    said = stray_readings(request.records) or find_mistakes(request, stage).lines()
+    words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in said]
     command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
     return type(error)(" ".join([error.message, *words, f"Next: {command}"]), error.where)

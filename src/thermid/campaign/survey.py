@@ -17,6 +17,7 @@ from thermid.fit.inputs import Input, InputTable, inputs_of
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
+from thermid.measure.record.codes import stray_readings
 from thermid.model.tree.rules import Finding
 
 
@@ -118,6 +119,7 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
     rows: list[Input] = []
     wrong: list[Finding] = []
     for record in request.records:
+        wrong += [Finding("warning", where, said) for said in stray_readings((record,))]
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()

@@ -14,6 +14,7 @@ from thermid.cli.screen import show, working
 from thermid.cli.summary import show_campaign
 from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
+from thermid.measure.record.codes import without_strays
 from thermid.reporting.pages import campaign as page
 from thermid.start import improve as improved
 from thermid.start.examples import EXAMPLES, copy_example, example_named
@@ -56,12 +57,13 @@ def init(
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
     if sys.stdin.isatty() and not as_json:
         roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
-    records = [read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0])) for log in logs]
+    read = [without_strays(read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0]))) for log in logs]
+    records, masked = [record for record, _ in read], [said for _, lines in read for said in lines]
     fitted, kept = parted(records)
     with working("searching for a structure", seconds):
         found = propose(roles, [thinned(r) for r in fitted], seconds)
     title = name or word(logs[0].name.partition(".")[0])
-    made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title)
+    made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title, masked)
     ignored = [f"not used: {column}: {why}" for column, why in roles.ignored.items()]
     content = {
         "masses": found.chosen.nodes,
@@ -69,6 +71,8 @@ def init(
         "changes": [c.name for c in found.chosen.changes],
         "rmse_K": found.chosen.rmse,
         "assumed": found.assumed,
+        "masked": masked,
+        "unexplained": found.unexplained,
         "fixed": list(made.fixed),
         "left_out": list(made.left_out),
         "files": [str(f) for f in made.files],
@@ -170,7 +174,8 @@ def example(
         raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
         show(asked.data.words, err=True)
-    made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
+    with working("making the synthetic logs" if asked.makes else ""):
+        made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
     content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
     if not run:
         say(as_json, content, str(made))

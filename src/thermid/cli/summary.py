@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from thermid.campaign.advice import next_command
 from thermid.campaign.stages import Campaign
-from thermid.cli.screen import console, folded, severity, show_lines, width
+from thermid.cli.screen import SCREEN, console, folded, severity, show_lines, width
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.judge.criteria import Check
 from thermid.judge.verdict import Verdict
@@ -16,9 +15,6 @@ from thermid.knowledge.values import FittedValue
 from thermid.measure.amounts import digits, short
 from thermid.sourced import VERDICTS
 from thermid.units import counted
-
-SCREEN: Final = 45
-"""Lines that an answer has at most, where one line a stage and a verdict leaves room for that."""
 
 Row = tuple[str, ...]
 
@@ -106,9 +102,10 @@ def _block(made: Campaign, name: str, fit: Calibration) -> StageRows:
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
     assumed = fit.inputs.assumed
     notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST)]
-    if assumed:
-        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed))
-        notes.append(f"{name}: assumed, because neither log nor scenario gives it: {inputs}")
+    for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
+        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
+        if inputs:
+            notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
     if command := next_command(made.file, fit, made.mistakes[name]):
         notes.append(f"{name}: next: {command}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)

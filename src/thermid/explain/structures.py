@@ -237,8 +237,9 @@ class StructureSearch:
                     f"{apart:+.2g})."
                 )
                 lines.append(f"    {telling_test(self.proposed, one)}")
-        tried = sorted(self.structures[1:], key=lambda s: -self.likelihood(s))
-        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in tried[:8]]
+        tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
+        best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
+        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
         lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
         if not self.complete:
@@ -301,8 +302,8 @@ class _Searching:
                 complete = not self._late()
                 break
             best = found
-        best = self._simplest(self._pruned(best))
-        self._challenge(best)
+        best = self._challenged(self._simplest(self._pruned(best)))
+        self._straighten(best)
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -328,20 +329,37 @@ class _Searching:
         if single < best.held.likelihood(scale) + TIE:
             made += [self._refitted(best, pair) for pair in pairs]
         scale = self._scale()
-        own = best.held.likelihood(scale)
-        # the best of many that do nothing gains about the logarithm of their number
-        proved = own + TIE + math.log(max(len(scores), 1))
-        able = [m for m in made if m is not None and m.possible and m.held.likelihood(scale) > proved]
+        able = self._proved(made, best, len(scores))
         if not able:
             return None
         top = max(m.held.likelihood(scale) for m in able)
         near = [m for m in able if m.held.likelihood(scale) > top - TIE]
         return min(near, key=lambda m: _rank(m, scale))
 
-    def _challenge(self, best: FittedStructure) -> None:
-        """Refit the likeliest structures of one mass more, so that it is known whether the readings can tell them from the best."""
-        for score in [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]:
-            self._refitted(best, score)
+    def _proved(self, made: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
+        """Return the structures whose held-out readings are likelier than those of the best by more than chance among those tried gives.
+
+        The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
+        lag of each sensor, gains by chance as a change of its own would.
+        """
+        scale = self._scale()
+        own = best.held.likelihood(scale) + math.log(max(tried, 1))
+        return [m for m in made if m and m.possible and m.held.likelihood(scale) > own + TIE * max(m.nodes - best.nodes, 1)]
+
+    def _challenged(self, best: FittedStructure) -> FittedStructure:
+        """Return the best after the likeliest structures of one mass more were refitted.
+
+        So it is known whether the readings can tell them from the best. One of them takes its place where it is likelier by more than
+        chance among these few gives: the rounds before ask for more, because they choose among all changes.
+        """
+        while not self._late():
+            scores = [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]
+            able = self._proved([self._refitted(best, score) for score in scores], best, len(scores))
+            if not able:
+                break
+            scale = self._scale()
+            best = max(able, key=lambda m: m.held.likelihood(scale))
+        return best
 
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return the score of every change."""
@@ -386,23 +404,34 @@ class _Searching:
     def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
         while len(best.changes) > 1 and not self._late():
-            scale, fewer = self._scale(), []
-            for k in range(len(best.changes) - 1):  # the last one was just proved
-                kept = (*best.changes[:k], *best.changes[k + 1 :])
-                request = self.request
-                for change in kept:
-                    request = change.make(request)
-                try:
-                    made = fitted_structure(kept, request, best.fitted, until=self.until)
-                except (ThermidError, np.linalg.LinAlgError):
-                    continue
-                self.done.append(made)
-                if made.possible and made.held.likelihood(scale) > best.held.likelihood(scale) - TIE:
-                    fewer.append(made)
+            scale = self._scale()
+            made = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
+            fewer = [m for m in made if m and m.possible and m.held.likelihood(scale) > best.held.likelihood(scale) - TIE]
             if not fewer:
                 return best
             best = max(fewer, key=lambda m: m.held.likelihood(scale))
         return best
+
+    def _without(self, best: FittedStructure, place: int) -> FittedStructure | None:
+        """Return the structure without one of its changes, refitted; None where that is not possible."""
+        kept = (*best.changes[:place], *best.changes[place + 1 :])
+        request = self.request
+        for change in kept:
+            request = change.make(request)
+        try:
+            made = fitted_structure(kept, request, best.fitted, until=self.until)
+        except (ThermidError, np.linalg.LinAlgError):
+            return None
+        self.done.append(made)
+        return made
+
+    def _straighten(self, best: FittedStructure) -> None:
+        """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
+        for place in [k for k, change in enumerate(best.changes) if change.bends]:
+            plain = None if self._late() else self._without(best, place)
+            scores = sorted(self._scores(plain), key=lambda s: -s.gain) if plain else []
+            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
+                self._refitted(plain or best, score)
 
     def _scale(self) -> dict[tuple[str, str], float]:
         """Return the variance of each trace: that of the structure with the smallest residuals, widened by how long they wander."""
@@ -415,13 +444,18 @@ class _Searching:
         """Return the simplest of the structures whose held-out readings are as likely as those of the best."""
         scale = self._scale()
         own = best.held.likelihood(scale)
-        alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
+        alike = [
+            s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE * max(best.nodes - s.nodes, 1)
+        ]
         return min(alike, key=lambda s: _rank(s, scale)) if alike else best
 
 
-def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, float]:
-    """Return what the simplest of equals is least in: masses, then held-out likelihood with half a unit for each unknown."""
-    return one.nodes, 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
+def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, int, float]:
+    """Return what the simplest of equals is least in: masses, laws that bend, then held-out likelihood with half a unit for each unknown.
+
+    A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
+    """
+    return one.nodes, sum(c.bends for c in one.changes), 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:

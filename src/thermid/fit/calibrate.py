@@ -33,6 +33,7 @@ from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.measure import Record
 from thermid.measure.amounts import short, some
+from thermid.measure.record.codes import stray_readings
 from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.identity import identity_of
@@ -683,12 +684,14 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = replace(again, **kept)
     spread = autocorrelation(problem, found, request.loss, request.loss_scale)
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
-    asked = strange_powers(problem)
+    asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
     found = replace(found, remarks=(*found.remarks, *asked))
     try:
         refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
-        unlogged = (f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load")
+        unlogged = (
+            f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly
+        )
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)

@@ -22,6 +22,8 @@ SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")
 NAN = float("nan")
 SHORT_TAIL = 1.5
 """Usual intervals that a channel may miss at either end of a log before its held value counts as assumed."""
+CHANNEL = "channel "
+"""How the words begin of what a log gives."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,11 @@ class Input:
     high: float = NAN
     mean: float = NAN
     fitted: bool = False
+
+    @property
+    def partly(self) -> bool:
+        """Whether a channel gives it, but not from the first to the last reading of its record."""
+        return self.source == "assumed" and self.words.startswith(CHANNEL)
 
     @property
     def unit(self) -> str:
@@ -140,7 +147,7 @@ def _channel_source(e: Experiment, channel: Channel) -> tuple[Source, str]:
         words.append(f"no valid sample in the first {short(float(inside[0] - times[0]), 3)} s: its first value is used before")
     if times[-1] - inside[-1] > SHORT_TAIL * step:
         words.append(f"no valid sample in the last {short(float(times[-1] - inside[-1]), 3)} s: its last value is used up to the end")
-    return ("assumed", f"channel {channel.name}, {'; '.join(words)}") if words else ("log", f"channel {channel.name}")
+    return ("assumed", f"{CHANNEL}{channel.name}, {'; '.join(words)}") if words else ("log", f"{CHANNEL}{channel.name}")
 
 
 def _boundaries(request: Request, e: Experiment) -> Iterator[Input]:

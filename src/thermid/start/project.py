@@ -20,8 +20,9 @@ from thermid.measure.record.record import Record
 from thermid.model.deck.save import model_text
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
-from thermid.start.proposal import LOOSE_AMBIENT, Proposal
+from thermid.start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.start.roles import SURROUNDINGS, thinned_step
+from thermid.start.schemas import headed, may_write_schemas, write_schemas
 from thermid.start.templates import ROOT, TEMPLATE
 
 FITTED, KEPT = 0.7, "holdout"
@@ -45,6 +46,7 @@ class Written:
     proposal : Proposal
     fixed : tuple of str        Values that the log does not tell; the campaign keeps them fixed.
     left_out : tuple of str     Ways of heat that were left out because the log does not show them.
+    masked : tuple of str       Readings that are no temperatures and were left out, in words.
     """
 
     folder: Path
@@ -52,10 +54,12 @@ class Written:
     proposal: Proposal
     fixed: tuple[str, ...]
     left_out: tuple[str, ...]
+    masked: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the proposal, the files, and the next command."""
-        lines = [str(self.proposal)]
+        answer, *tried = str(self.proposal).split("\n")
+        lines = [answer, *self.masked, *tried]
         lines += [f"Left out, because the log does not determine them: {', '.join(self.left_out)}"] if self.left_out else []
         lines += [f"Fixed, because the log does not determine them: {', '.join(self.fixed)}"] if self.fixed else []
         lines += [f"wrote {file}" for file in self.files]
@@ -74,7 +78,9 @@ def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
     return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=KEPT)
 
 
-def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], kept: Record, source: str, title: str) -> Written:
+def write_project(
+    folder: Path, proposal: Proposal, fitted: Sequence[Record], kept: Record, source: str, title: str, masked: Sequence[str] = ()
+) -> Written:
     """Write a proposal as a project that `check`, `calibrate` and `report` take as it is.
 
     Parameters
@@ -85,6 +91,7 @@ def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], ke
     kept : Record           The log that judges.
     source : str            Where they came from, in words.
     title : str             Of the model.
+    masked : sequence       Readings that are no temperatures and are left out of the logs, in words.
 
     Raises
     ------
@@ -95,7 +102,7 @@ def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], ke
     texts = {
         deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
         "scenario.toml": (_scenario(proposal, fitted), TEMPLATE.of("scenario")),
-        "campaign.toml": (_campaign(proposal, request, fitted, kept, deck, source, title), TEMPLATE.of("campaign")),
+        "campaign.toml": (_campaign(proposal, request, fitted, kept, deck, source, title, masked), TEMPLATE.of("campaign")),
     }
     folder.mkdir(parents=True, exist_ok=True)
     logs = folder / "logs"
@@ -103,16 +110,19 @@ def write_project(folder: Path, proposal: Proposal, fitted: Sequence[Record], ke
     files = [folder / name for name in texts]
     for (_, kind), path in zip(texts.values(), files, strict=True):
         may_write(path, kind)
+    grammars = dict(zip(texts, ("deck", "scenario", "campaign"), strict=True))
+    may_write_schemas(folder, grammars.values())
     for record in (*fitted, kept):
         record.to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
     for name, (text, kind) in texts.items():
-        write_text(folder / name, text, kind)
+        write_text(folder / name, headed(text, grammars[name]), kind)
+    files += write_schemas(folder, grammars.values())
     marker = folder / "thermid.toml"
     if not marker.exists():
         write_text(marker, ROOT, TEMPLATE.of("root"))
         files.append(marker)
-    return Written(folder, tuple(files), proposal, fixed, left_out)
+    return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
 
 
 def settled(one: FittedStructure) -> tuple[Request, tuple[str, ...], tuple[str, ...]]:
@@ -214,7 +224,8 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
         f"First model of {source}, proposed by thermid init: {proposal.chosen.nodes} masses, RMSE {proposal.chosen.rmse:.3g} K.",
         "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
     ]
-    head += [f"This log cannot separate structures of {' and '.join(map(str, sorted(orders)))} masses."] if len(orders) > 1 else []
+    head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
+    head += [proposal.unexplained] if proposal.unexplained else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)
@@ -251,7 +262,16 @@ def _ambient(proposal: Proposal, record: Record) -> float:
     return min(float(record[c].values[record[c].valid][0]) for c in roles.parts if c in record.channels) - 273.15
 
 
-def _campaign(proposal: Proposal, request: Request, fitted: Sequence[Record], kept: Record, deck: str, source: str, title: str) -> str:
+def _campaign(
+    proposal: Proposal,
+    request: Request,
+    fitted: Sequence[Record],
+    kept: Record,
+    deck: str,
+    source: str,
+    title: str,
+    masked: Sequence[str],
+) -> str:
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
     channels = proposal.roles.channels(proposal.noise)
@@ -302,6 +322,7 @@ def _campaign(proposal: Proposal, request: Request, fitted: Sequence[Record], ke
         "validation.",
         f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
+        *(f"{said}; empty in the logs beside this file." for said in masked),
     ]
     return _said(head) + tomlkit.dumps(document)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -107,8 +108,10 @@ class Roles:
 
 
 def word(text: str) -> str:
-    """Return a text as the name of an element."""
-    plain = re.sub(r"[^0-9A-Za-z]+", "_", text).strip("_").lower()
+    """Return a text as the name of an element, letters without their accents."""
+    letters = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
+    bare = "".join(c for c in letters if not unicodedata.combining(c))
+    plain = re.sub(r"[^0-9A-Za-z]+", "_", bare).strip("_").lower()
     return plain if plain and not plain[0].isdigit() else f"part_{plain}"
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
+
+import numpy as np
 import pytest
 
 from thermid.errors import RecordError, ThermidError, UnitError
-from thermid.measure import read_record
+from thermid.measure import Record, read_record
 from thermid.measure.readers.columns import name_and_unit
+from thermid.measure.readers.formats import log_cells
+from thermid.measure.record.codes import stray_readings, without_strays
 
 ICE = 273.15
 
@@ -236,3 +241,104 @@ def test_errors_of_a_load_in_per_cent_are_shares_of_its_full_scale(log):
     assert (channel.accuracy, channel.noise) == (pytest.approx(0.1), pytest.approx(0.05))
     with pytest.raises(UnitError, match="a plain number"):
         read_record(log("t,Q1\n0,10\n10,20\n"), {"Q1": table["Q1"] | {"accuracy": "0.1 [W]"}})
+
+
+RISE = [20.0 + k / 4 for k in range(20)]
+
+
+def coded(log, cells: list[object], unit: str = "degC") -> Record:
+    return read_record(log(f"time [s],T [{unit}]\n" + "".join(f"{10 * k},{cell}\n" for k, cell in enumerate(cells))), {"T": {"node": "a"}})
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("-127", "sensor lost (-127)"),
+        ("85", "reset of a DS18B20 (85)"),
+        ("-999.9", "below absolute zero (-999.9)"),
+        ("9999", "far from all other readings (9999)"),
+        ("850", "far from all other readings (850)"),
+        ("0", "far from all other readings (0)"),
+        ("3276.7", "far from all other readings (3276.7)"),
+        ("1e8", "overload or open sensor"),
+    ],
+)
+def test_codes_of_loggers_are_named_and_masked_by_the_step_that_is_offered(log, code, words):
+    cells: list[object] = [*RISE]
+    cells[5] = cells[11] = code
+    record = coded(log, cells)
+    said = stray_readings([record])
+    assert len(said) == 1
+    assert f"readings of 'T' in 'bench' are no temperatures: {words}. Mask them: prepare = " in said[0]
+    steps = tomllib.loads(said[0].split("Mask them: ")[1].removesuffix(" of the record."))["prepare"]
+    cleaned = record.prepare(steps)
+    assert np.flatnonzero(~cleaned["T"].valid).tolist() == [5, 11]
+    assert stray_readings([cleaned]) == ()
+    same, told = without_strays(record)
+    assert (same["T"].valid == cleaned["T"].valid).all()
+    assert told == (f"T: 2 readings masked: {words}",)
+
+
+def test_codes_in_fahrenheit_and_at_the_end_of_a_log(log):
+    record = coded(log, [*(f"{1.8 * t + 32:.2f}" for t in RISE), "-9999", "-9999"], "degF")
+    assert "below absolute zero (-9999)" in stray_readings([record])[0]
+    assert without_strays(record)[0]["T"].valid.sum() == len(RISE)
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        RISE,
+        [20.0] * 12 + [90.0] * 12,  # from a bath into another
+        [20.0] * 10 + [60.0] * 4 + [20.0] * 10,  # in a bath for a while
+        [84.0 + k / 10 for k in range(20)],  # passes 85
+        [30.0 + 5 * k for k in range(20)],  # passes it from far away
+        [95.0, *RISE],  # the first reading, before the probe was put in place
+        [-126.0, -127.0, -128.0] * 5,  # in the cold
+    ],
+    ids=["rise", "step", "while", "85", "85 at once", "first", "cold"],
+)
+def test_what_a_temperature_can_do_is_no_code(log, cells):
+    assert stray_readings([coded(log, cells)]) == ()
+
+
+def test_a_header_that_stands_again_loses_no_samples(log):
+    rows = [f"2026-03-05 10:00:{k:02d}\t2{k % 10},5" for k in range(40)]
+    head = ["Logger 7", "time\tT [degC]"]
+    record = read_record(log("\n".join([*head, *rows[:15], *head, *rows[15:]]) + "\n"), {"T": {"node": "a"}})
+    assert record.times.tolist() == [float(k) for k in range(40)]
+    again = "\n".join([*head, *rows[:15], *head, *rows[:15]]) + "\n"
+    with pytest.raises(RecordError, match="time decreases here"):
+        read_record(log(again), {"T": {"node": "a"}})
+
+
+def test_the_notes_name_a_header_that_stands_again(log):
+    text = "time [s],T [degC]\n0,20\n10,21\ntime [s],T [degC]\n20,22\n30,23\n"
+    cells = log_cells(log(text))
+    assert cells.notes == ("the lines above the samples stand again in the middle (line 4): a restart of the logger, skipped",)
+    assert cells.lines == [2, 3, 5, 6]
+
+
+def test_stamps_of_fourteen_digits_are_no_seconds(log):
+    record = read_record(log("time,T [degC]\n20260305095950,20\n20260305100000,21\n20260305100010,21\n"), {"T": {"node": "a"}})
+    assert record.times.tolist() == [0.0, 10.0, 20.0]
+    assert record.origin.start == "20260305095950"
+
+
+def test_samples_that_end_with_a_separator(log):
+    for mark in ",;":
+        text = f"time [s]{mark}T [degC]\n0{mark}20{mark}\n10{mark}21{mark}\n"
+        assert read_record(log(text), {"T": {"node": "a"}})["T"].values.tolist() == [20 + ICE, 21 + ICE]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-16"])
+def test_two_bytes_a_letter_with_and_without_a_mark(log, encoding):
+    record = read_record(log("time [s],T [°C]\n0,20\n10,21\n".encode(encoding)), {"T": {"node": "a"}})
+    assert record["T"].values.tolist() == [20 + ICE, 21 + ICE]
+
+
+@pytest.mark.parametrize("word", ["OL", "O.L.", "OVLD", "Open", "#N/A", "1.#QNAN", "none"])
+def test_words_of_instruments_for_an_overload_are_no_readings(log, word):
+    assert coded(log, [20, word, 21])["T"].valid.tolist() == [True, False, True]
+    commas = f"time [s];T [degC]\n0;20,5\n10;{word}\n20;21,5\n"
+    assert read_record(log(commas), {"T": {"node": "a"}})["T"].valid.tolist() == [True, False, True]

@@ -16,6 +16,8 @@ import pytest
 import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
+from thermid.reporting.blocks import extras
+from thermid.reporting.pages import campaign as page_module
 from thermid.reporting.pages.campaign import report
 from webpage import without_script
 
@@ -109,7 +111,7 @@ def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Camp
     good = replace(campaign.verdicts[0], checks=tuple(c for c in campaign.verdicts[0].checks if c.passed))
     assert "✓ The only verdict passed" in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).text
     none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
-    assert "a fit alone does not show that the model predicts" in none
+    assert "a fit alone does not validate the model" in none
 
 
 def test_every_parameter_stands_with_unit_and_both_errors(page: Page, campaign: Campaign) -> None:
@@ -156,7 +158,7 @@ def test_warnings_are_told_at_the_top_and_at_the_stage(campaign: Campaign, tmp_p
     told = replace(campaign["component"], warnings=("the moon was full.",))
     text = Page(report(replace(campaign, stages={**campaign.stages, "component": told}), to=tmp_path / "w.html")).text
     assert text.count("the moon was full.") == 2
-    assert text.index("What a reader must know component : the moon was full.") < text.index("Stage 1")
+    assert text.index("Warnings component : the moon was full.") < text.index("Stage 1")
 
 
 def hostile(campaign: Campaign) -> Campaign:
@@ -227,6 +229,33 @@ def test_a_missing_extra_is_told_in_words(campaign: Campaign, tmp_path: Path, mo
     with pytest.raises(ThermidError, match=r"needs 'jinja2'.*pip install jinja2"):
         report(campaign, to=tmp_path / "x.html")
     assert not (tmp_path / "x.html").exists()
+
+
+def test_a_name_that_ends_in_pdf_is_a_pdf_or_refused(campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program in place of a browser writes the words PDF and the page's size where it is told to print."""
+    printer = tmp_path / "chromium"
+    printer.write_text(
+        '#!/bin/sh\nfor a; do case "$a" in --print-to-pdf=*) to="${a#--print-to-pdf=}";; file:*) of="${a#file://}";; esac; done\n'
+        'printf "%%PDF-1.4 " > "$to"; grep -c "</html>" "$of" >> "$to"\n',
+        encoding="utf-8",
+    )
+    printer.chmod(0o755)
+    monkeypatch.setattr(extras, "browser", lambda: str(printer))
+    made = td.report(campaign, to=tmp_path / "out" / "x.PDF")
+    assert made == tmp_path / "out" / "x.PDF"
+    assert made.read_bytes().startswith(b"%PDF-1.4 1\n")
+    assert [p.name for p in made.parent.iterdir() if p.suffix.lower() in (".html", ".pdf")] == ["x.PDF"]
+    with pytest.raises(td.errors.OutputError, match=r"the ending '\.docx' promises a word processor's document, but the page"):
+        td.report(campaign, to=tmp_path / "x.docx")
+
+    def none() -> str:
+        raise extras.NoBrowserError("no browser here")
+
+    monkeypatch.setattr(extras, "browser", none)
+    monkeypatch.setattr(page_module, "front", lambda campaign: pytest.fail("the page was begun"))
+    with pytest.raises(extras.NoBrowserError):
+        td.report(campaign, to=tmp_path / "y.pdf")
+    assert not (tmp_path / "y.pdf").exists()
 
 
 def test_report_is_public() -> None:

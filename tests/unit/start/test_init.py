@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from thermid.cli.app import app
 from thermid.errors import IdentificationError, NameNotFoundError, OutputError, RecordError, ThermidError
 from thermid.model.laws.signal import TableSignal
 from thermid.start.project import parted
-from thermid.start.proposal import propose
+from thermid.start.proposal import orders_text, propose
 from thermid.start.roles import noise_of, part_name, roles_of, with_noise
 from thermid.start.templates import TEMPLATES, write_template
 
@@ -59,6 +60,9 @@ def test_a_hidden_mass_is_found_written_checked_and_validated(tmp_path: Path) ->
     assert done["status"] == "ok"
     fitted = td.load_values(tmp_path / "p" / "results" / "first_fit.values.toml")
     assert fitted["plate.capacitance"].value == pytest.approx(150.0, rel=0.05)
+    for name, kind in (("plate", "deck"), ("scenario", "scenario"), ("campaign", "campaign")):
+        assert (tmp_path / "p" / f"{name}.toml").read_text().startswith(f"#:schema ./schema/{kind}.schema.json\n")
+        assert (tmp_path / "p" / "schema" / f"{kind}.schema.json").is_file()
     text = (tmp_path / "p" / "plate.toml").read_text()
     assert "# measured: column T_plate_C" in text
     assert "prediction of hold-out readings" in text
@@ -70,6 +74,36 @@ def test_one_mass_stays_one_and_what_cannot_be_told_is_said(tmp_path: Path) -> N
     assert made["masses"] == 1
     assert made["changes"] == []
     assert made["cannot_tell"] in ([], [1, 2])
+
+
+def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path) -> None:
+    code, words = "9999", "far from all other readings (9999)"
+    log = bench(tmp_path / "test.csv")
+    rows = log.read_text().splitlines()
+    for k in (40, 41, 170):
+        t, _, air, watts = rows[k].split(",")
+        rows[k] = f"{t},{code},{air},{watts}"
+    log.write_text("\n".join(rows) + "\n")
+    found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--name", "plate"])
+    first, second, *_ = found.output.split("\n")
+    assert first.startswith("2 masses: 1 measured, 1 hidden; RMSE 0.04")
+    assert second == f"T_plate_C: 3 readings masked: {words}"
+    assert f"# T_plate_C: 3 readings masked: {words}; empty in the logs" in (tmp_path / "p" / "campaign.toml").read_text()
+    assert run("check", str(tmp_path / "p" / "campaign.toml"))["findings"] == []
+    raw = tmp_path / "p" / "raw.toml"
+    shutil.copy(log, tmp_path / "p" / "raw.csv")
+    raw.write_text(
+        'title = "raw"\n[records.t]\nfile = "raw.csv"\n[records.t.channels]\nT_plate_C = { node = "plate" }\n'
+        'T_room_C = { boundary = "surroundings" }\nP_heater_W = { load = "heat_heater" }\n'
+        '[[stages]]\nname = "a"\nmodel = "plate.toml"\nrecords = ["t"]\nfree = ["plate.capacitance"]\n'
+    )
+    (finding,) = run("check", str(raw))["findings"]
+    assert finding["severity"] == "warning"
+    assert f"readings of 'T_plate_C' in 't' are no temperatures: {words}. Mask them: prepare = " in finding["message"]
+    fitted = CliRunner().invoke(app, ["calibrate", str(raw)])
+    told = " ".join(f"{fitted.output} {fitted.exception}".split())
+    assert "are no temperatures" in told
+    assert "ikely mistake" not in told
 
 
 def test_a_duty_without_full_scale_gives_ratios_and_says_so(tmp_path: Path) -> None:
@@ -99,6 +133,18 @@ def test_a_log_in_which_nothing_moves_is_declined(tmp_path: Path) -> None:
     assert "changes by more than its noise" in found["message"]
 
 
+def test_a_log_without_its_power_is_explained_by_no_structure(tmp_path: Path) -> None:
+    log = bench(tmp_path / "test.csv")
+    made = run("init", str(log), "--to", str(tmp_path / "p"), "--power", "P_heater_W=plate", "--seconds", "5")
+    assert made["unexplained"] == ""
+    rows = [row.rpartition(",")[0] for row in log.read_text().splitlines()]
+    log.write_text("\n".join(rows) + "\n")
+    made = run("init", str(log), "--to", str(tmp_path / "q"), "--name", "plate", "--seconds", "5")
+    assert made["unexplained"].startswith("No structure explains this log: its residuals are ")
+    assert "It has no power" in made["unexplained"]
+    assert made["unexplained"] in (tmp_path / "q" / "plate.toml").read_text()
+
+
 def test_roles_by_names_units_and_by_hand(tmp_path: Path) -> None:
     log = bench(tmp_path / "test.csv")
     roles = roles_of(log)
@@ -117,6 +163,11 @@ def test_roles_by_names_units_and_by_hand(tmp_path: Path) -> None:
 
 def test_names_of_parts() -> None:
     assert [part_name(c) for c in ("T1_C", "CASE", "1st sensor", "Stator_Body_C")] == ["t1", "case", "part_1st_sensor", "stator_body"]
+    assert [part_name(c) for c in ("Potência", "Gehäuse außen")] == ["potencia", "gehause_aussen"]
+
+
+def test_numbers_of_masses_in_words() -> None:
+    assert [orders_text(o) for o in ((2,), (3, 2), (4, 8, 5))] == ["2", "2 and 3", "4, 5 and 8"]
 
 
 def test_noise_is_that_of_second_differences_on_a_slope() -> None:
@@ -179,6 +230,11 @@ def test_a_template_is_a_project(tmp_path: Path, name: str) -> None:
     command, files = write_template(name, tmp_path / "t")
     deck = next(f for f in files if f.stem in ("part", "box"))
     assert not [f for f in td.load_model(deck).check() if f.severity == "error"]
+    assert deck.read_text().startswith("#:schema ./schema/deck.schema.json\n")
+    assert (tmp_path / "t" / "scenario.toml").read_text().startswith("#:schema ./schema/scenario.schema.json\n")
+    assert {f.name for f in files if "schema" in f.parts} == {"deck.schema.json", "scenario.schema.json"}
+    assert all(f.is_file() for f in files)
+    write_template(name, tmp_path / "t")  # again over what nobody changed
     assert run(*command.split()[1:])["status"] == "ok"
     deck.write_text("mine = 1\n")
     with pytest.raises(OutputError):

@@ -187,7 +187,7 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
         word = cell.strip()
         if _NUMBER.match(word):
             out[row] = float(word)
-        elif word.lower() not in MISSING and word.lower().lstrip("+-") != "nan":
+        elif cells[row].strip().lower() not in MISSING and word.lower().lstrip("+-") != "nan":
             return row
     return out
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -12,7 +13,8 @@ from thermid.errors import ThermidError
 from thermid.measure.readers.columns import kelvin_sized, name_and_unit, numbers
 from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import BoolArray, FloatArray
-from thermid.units import DIMENSIONLESS, describe, unit
+from thermid.measure.record.codes import OVERLOAD, codes_of
+from thermid.units import DIMENSIONLESS, describe, from_si, unit
 
 _SURROUNDINGS: Final = re.compile(
     r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|sink|plate_ref|forno",
@@ -23,9 +25,6 @@ _POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?
 _DUTY: Final = re.compile(r"duty|pwm|pct|percent|heater|q\d|u\d|throttle", re.IGNORECASE)
 _HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
 _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
-_CODES: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
-_OVERLOAD: Final = 1e6
-"""A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +41,7 @@ class Column:
     values : array (samples,)   Readings in the unit of the column; NaN where there is none.
     missing : int               How many readings are missing.
     faults : dict               How many are no readings, by reason.
+    codes : dict                Values that are no readings -> what they stand for. [the column's unit]
     jumps : array (jumps,)      Positions of readings that leap against the usual change between samples.
     """
 
@@ -54,12 +54,13 @@ class Column:
     values: FloatArray = field(default_factory=lambda: np.zeros(0))
     missing: int = 0
     faults: dict[str, int] = field(default_factory=dict)
+    codes: dict[float, str] = field(default_factory=dict)
     jumps: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def good(self) -> BoolArray:
         """Where a reading is one (samples,)."""
-        return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < _OVERLOAD) & ~_coded(self.values, self.guess))
+        return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < OVERLOAD) & ~np.isin(self.values, list(self.codes)))
 
 
 def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Column]:
@@ -132,32 +133,18 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     return "ignored", "", "no unit, and its name gives none"
 
 
-def _coded(values: FloatArray, guess: str) -> BoolArray:
-    return np.asarray(np.isin(values, list(_CODES)) & (guess in ("temperature", "boundary")) & _alone(values))
-
-
-def _alone(values: FloatArray) -> BoolArray:
-    """Whether a sample lies 5 or more away from the usual of the column: 85 is a fault in a log at 20 and none in one at 84."""
-    known = values[np.isfinite(values) & (np.abs(values) < _OVERLOAD)]
-    usual = float(np.median(known)) if known.size else 0.0
-    return np.asarray(np.abs(values - usual) > 5.0)
-
-
 def _with_faults(column: Column) -> Column:
     """Return a column with its faults and jumps counted."""
     values, heat = column.values, column.guess in ("temperature", "boundary")
-    faults = {}
-    over = np.isfinite(values) & (np.abs(values) >= _OVERLOAD)
-    if over.any():
-        faults["overload or open sensor"] = int(over.sum())
-    for code, words in _CODES.items():
-        count = int(np.count_nonzero((values == code) & _alone(values))) if heat else 0
-        if count:
-            faults[words] = count
+    codes = codes_of(values, float(from_si(0.0, column.unit))) if heat else {}
+    faults = Counter(codes[v] for v in values.tolist() if v in codes)
+    if not heat and (over := int(np.count_nonzero(np.isfinite(values) & (np.abs(values) >= OVERLOAD)))):
+        faults["overload or open sensor"] = over
+    column = replace(column, codes=codes)
     good = np.flatnonzero(column.good)
     jumps = np.zeros(0, dtype=np.int64)
     if heat and good.size > 3:
         steps = np.abs(np.diff(values[good]))
         usual = max(float(np.quantile(steps, 0.9)), 0.25)
         jumps = good[1:][steps > 8.0 * usual]
-    return replace(column, faults=faults, jumps=jumps)
+    return replace(column, faults=dict(faults), jumps=jumps)

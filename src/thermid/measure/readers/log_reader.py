@@ -69,8 +69,8 @@ def read_record(
 
     Notes
     -----
-    Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A and null are masked as
-    'not a number'.
+    Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A, #N/A, null and the words of
+    instruments for an overload (OL, OVLD, OPEN, 1.#QNAN) are masked as 'not a number'.
     """
     _check_tables(path, channels=channels, noise=noise or {}, accuracy=accuracy or {}, units=units or {})
     cells = log_cells(_path(path), separator)

@@ -42,6 +42,8 @@ _SLOW: Final = 600.0
 """Time between samples above which a time column without a unit is remarked on. [s]"""
 _FAST: Final = 1e-3
 """Time between samples below which no temperature says anything new. [s]"""
+COMPACT: Final = re.compile(r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])[0-5]\d[0-5]\d\Z", re.ASCII)
+"""Stamps of 14 digits without signs between them, 20260305095800; no time since 1970 has as many digits."""
 CLOCK: Final = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)\Z", re.ASCII)
 HALF_DAY_CLOCK: Final = re.compile(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d(?:[.,]\d+)?))?\s*([AaPp])\.?\s?[Mm]\.?\Z", re.ASCII)
 _ZONE: Final = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d))?"
@@ -229,6 +231,8 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
     RecordError   When a time is missing or cannot be read, times run back, or two readings give different times.
     """
     column, name = clock.texts, clock.name
+    if form is None and unit_text is None and all(COMPACT.match(cell.strip()) for cell in column):
+        form = "%Y%m%d%H%M%S"
     parsed = numbers(column, decimal) if form is None else 0
     if isinstance(parsed, int) or np.isnan(parsed).any():
         for row, cell in enumerate(column):

@@ -14,15 +14,16 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from thermid import files
-from thermid.errors import MissingDataError, RecordError, nearest
+from thermid.errors import MissingDataError, RecordError, cap, nearest, raising
 from thermid.measure.record.sensor import SensorCertificate
 from thermid.units import counted
 
-MISSING: Final = frozenset({"", "nan", "na", "n/a", "null"})
-"""Cells that stand for a missing number, in any case of letters. A dash is none: in real logs it shows columns that have slipped."""
+MISSING: Final = frozenset(
+    ("", "nan", "na", "n/a", "null", "none", "ol", "o.l.", "ovld", "overload", "open", "#n/a", "1.#qnan", "1.#ind", "-1.#ind")
+)
+"""Cells that stand for a missing number or for the overload of an instrument, in any case of letters. A dash is none: in real logs it
+shows columns that have slipped."""
 
-LARGEST_UNPACKED: Final = 200_000_000
-"""Bytes that a packed log may have: some megabytes can hold what no memory does."""
 _SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 _LOOKED_AT = 500
 _TIMELY: Final = re.compile(r"\d:[0-5]\d|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
@@ -156,6 +157,10 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     lines = [(number, line) for number, line in every if line[:1] not in _LEAD or _holds_cells(line)]
     if not lines:
         raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
+    lines, again = _without_repeats(lines)
+    if again:
+        shown = ", ".join(map(str, again[:3])) + (", ..." if len(again) > 3 else "")
+        notes.append(f"the lines above the samples stand again in the middle (line {shown}): a restart of the logger, skipped")
     above, lines, mark = _below_preamble(lines, separator)
     mark = mark or _separator(lines, separator, file)
     lines[0] = (lines[0][0], _plain_header(lines[0][1], mark))
@@ -178,6 +183,8 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     width = len(rows[0])
     if rows[0][-1].strip() == "" and len(rows) > 1 and len(rows[1]) == width - 1:
         rows[0], width, columns = rows[0][:-1], width - 1, None  # a header that ends with a separator
+    if len(rows) > 1 and all(len(row) == width + 1 and not row[-1].strip() for row in rows[1:]):
+        rows, columns = [rows[0], *(row[:-1] for row in rows[1:])], None  # samples that end with a separator, as their header does not
     header, extra = with_units_row(rows)
     if extra:
         notes.append(
@@ -242,6 +249,18 @@ def _with_unit(name: str, text: str) -> str:
     """Return a name with the unit of the row below; words of loggers that stand for no unit are left out."""
     plain = text.strip("[](){} ")
     return name if not plain or plain.upper() in ("TS", "RN") or name.endswith(f"[{plain}]") else f"{name} [{plain}]"
+
+
+def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
+    """Return the lines without those that stood above the first samples already, and the numbers of what was left out."""
+    first = next((at for at, (_, line) in enumerate(lines[:_LOOKED_AT]) if _TIMELY.search(line) or _has_number(line)), len(lines))
+    heads = {line for _, line in lines[:first]}
+    again = [number for number, line in lines[first:] if line in heads] if heads else []
+    return ([*lines[:first], *((n, line) for n, line in lines[first:] if line not in heads)] if again else lines), again
+
+
+def _has_number(line: str) -> bool:
+    return any(is_number(cell.strip('" ')) for mark in _SEPARATORS for cell in line.split(mark))
 
 
 def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tuple[int, list[tuple[int, str]], str | None]:
@@ -350,12 +369,14 @@ def read_bytes(place: Path) -> bytes:
     if data[:2] == b"\x1f\x8b":
         try:
             with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-                data = packed.read(LARGEST_UNPACKED + 1)
+                data = packed.read(int(cap("unpacked")) + 1)
         except (EOFError, OSError, zlib.error) as error:
             raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
-        if len(data) > LARGEST_UNPACKED:
+        if len(data) > cap("unpacked"):
             raise RecordError(
-                f"it unpacks to more than {LARGEST_UNPACKED / 1e6:.0f} MB. If that is right, unpack it and give the plain file.", place.name
+                f"it unpacks to more than {cap('unpacked') / 1e6:.0f} MB. If that is right, unpack it and give the plain file."
+                f"{raising('unpacked')}",
+                place.name,
             )
     return data
 
@@ -377,6 +398,8 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     try:
         if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
             text, notes = data.decode("utf-16"), ["read as UTF-16"]
+        elif (order := _unmarked(data)) is not None:
+            text, notes = data.decode(order), ["read as UTF-16"]
         else:
             text, notes = data.decode("utf-8-sig"), []
     except UnicodeDecodeError:
@@ -386,6 +409,14 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     if len(plain.translate(None, _CONTROL)) < len(plain):
         raise RecordError(binary, file)
     return text, notes
+
+
+def _unmarked(data: bytes) -> str | None:
+    """Return the encoding of two bytes a letter that no mark states: of Latin letters the second byte is zero, or the first."""
+    for zero, order in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(data) > 3 and not any(data[zero:200:2]) and all(data[1 - zero : 200 : 2]):
+            return order
+    return None
 
 
 def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:

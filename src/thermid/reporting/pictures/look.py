@@ -21,6 +21,7 @@ from thermid.measure.readers.guess import Column, columns_of
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import even_step, gap_from, usual_step
+from thermid.measure.record.codes import KNOWN
 from thermid.reporting.pictures.chart import Panel, Stroke, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
 from thermid.results import Result
@@ -154,7 +155,10 @@ class Look(Result):
         out = [f"[records.{name}]", f"file     = {json.dumps(self.path.name, ensure_ascii=False)}"]
         if self.clock is not None:
             out.append(f"time     = {json.dumps(self.clock.header, ensure_ascii=False)}")
-        if any(c.faults for c in self.columns):
+        codes = [f'"{v:.10g} [{c.unit}]"' for c in self.columns for v in c.codes]
+        if any(v not in KNOWN or c.unit != "degC" for c in self.columns for v in c.codes):
+            out.append(f"prepare  = [{{ faults = {{ codes = [{', '.join(dict.fromkeys(codes))}] }} }}]")
+        elif any(c.faults for c in self.columns):
             out.append("prepare  = [{ faults = true }]")
         out += ["", f"[records.{name}.channels]"]
         for c in self.columns:
