@@ -200,9 +200,9 @@ class Setting:
             return ""
         at = linear.columns[worst][-2:-1]
         wide = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(at).values())))
-        if max(abs(shift), wide) < GUESSED:
-            return ""
         narrow = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(np.where(own, 0.0, at)).values())))
+        if max(abs(shift), wide - narrow) < GUESSED:
+            return ""
         return (
             f"no deck states what carries the heat of {listed(sorted(set(modes.values())))}: free air, or a fan, a cold plate or leads, "
             f"behind which a coefficient stays constant. Both are taken as equally likely, which shifts '{worst}' by {shift:+.2g} K, "
