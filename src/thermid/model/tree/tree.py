@@ -89,6 +89,7 @@ class Tree:
     use : str                   The intended use, in words.
     file : str                  The deck's file name, for messages.
     lines : dict                Key path -> line of the deck, for messages.
+    runner : object or None     What runs it in place of the kernel, as an FMU does; see `thermid.simulation.solver.engine.Runner`.
 
     `Model` adds what changes or judges a whole tree.
     """
@@ -114,6 +115,7 @@ class Tree:
     use: str = ""
     file: str = field(default="", compare=False)
     lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
+    runner: Any = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         """One line: what it is made of and what it needs."""
