@@ -165,8 +165,8 @@ DECISIONS = {
     "acquire": "71 73 80 81 90 92 164",
     "interop": "23 194 197 198 199 201",
     "estimation and watch": "180 181 182 183 184",
-    "start": "188",
-    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 226",
+    "start": "188 229 234",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 226 227",
 }
 """Rooms -> numbers of the decisions about them; the others are about the project as a whole."""
 

@@ -6,11 +6,13 @@ They are to be looked at, not kept: the folder, ``out/screenshots`` by default, 
 from __future__ import annotations
 
 import base64
+import contextlib
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -63,12 +65,72 @@ def scenario(page: Page) -> None:
     for where, value in (("[data-number=cycles]", "2"), ("#lowest", "-5"), ("#highest", "65")):
         page.run(CHOOSE, where, value)
     page.click("#scenario-run")
-    page.until("studio.courses", 300)
+    page.until("studio.outcomes", 300)
 
 
 def bench(page: Page) -> None:
     """Look at a log."""
     page.until("studio.looks", 120)
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the views show: a copy of example 04 with its synthetic logs, and a unit of the sisnav study.
+
+    Parameters
+    ----------
+    campaign, unit, log : Path      A campaign, a deck with limits beside it, a log.
+    page : Path                     Where the report of the campaign is written.
+    """
+
+    campaign: Path
+    unit: Path
+    log: Path
+    page: Path
+
+
+@contextlib.contextmanager
+def prepared() -> Iterator[Work]:
+    """Yield the files of all views, in a folder of their own."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        for name in ("02_stack", "04_campaign"):
+            shutil.copytree(EXAMPLES / name, folder / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
+        shutil.copy(EXAMPLES / "thermid.toml", folder)
+        shutil.copy(EXAMPLES / "06_swap" / "EleGFO_v2.toml", folder / "04_campaign")
+        logs = logs_of(EXAMPLES / "04_campaign" / "make_logs.py", folder / "04_campaign" / "logs")
+        unit = EXAMPLES / "sisnav" / "qualification" / "decks" / "m_Sd.toml"
+        yield Work(folder / "04_campaign" / "campaign.toml", unit, logs / "stack_bench.csv", folder / "page.html")
+
+
+VIEWS = ("tune", "scenario", "bench", "report")
+"""The views in the order in which they are taken: the bench and the report find the stages run by the first."""
+
+
+@contextlib.contextmanager
+def view(name: str, work: Work) -> Iterator[Page]:
+    """Yield a page that shows one view, ready to be looked at.
+
+    Parameters
+    ----------
+    name : str      One of `VIEWS`.
+    work : Work     What it shows.
+    """
+    if name == "report":
+        command = [sys.executable, "-m", "thermid", "report", str(work.campaign), "--to", str(work.page)]
+        subprocess.run(command, check=True, capture_output=True)
+        with contextlib.closing(Page(work.page.as_uri())) as page:
+            page.driver.get(work.page.as_uri())
+            yield page
+        return
+    arguments, ready = {
+        "tune": ((str(work.campaign),), tune),
+        "scenario": ((str(work.unit),), scenario),
+        "bench": ((str(work.campaign), "--log", str(work.log)), bench),
+    }[name]
+    with studio(*arguments) as address, contextlib.closing(Page(address)) as page:
+        ready(page.open())
+        yield page
 
 
 def main() -> None:
@@ -77,36 +139,10 @@ def main() -> None:
         sys.exit("screenshots need Chromium and its driver (Debian: chromium, chromium-driver).")
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "out" / "screenshots"
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as made:
-        work = Path(made)
-        for name in ("02_stack", "04_campaign"):
-            shutil.copytree(EXAMPLES / name, work / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
-        shutil.copy(EXAMPLES / "thermid.toml", work)
-        shutil.copy(EXAMPLES / "06_swap" / "EleGFO_v2.toml", work / "04_campaign")
-        logs = logs_of(EXAMPLES / "04_campaign" / "make_logs.py", work / "04_campaign" / "logs")
-        campaign, unit = str(work / "04_campaign" / "campaign.toml"), str(EXAMPLES / "sisnav" / "qualification" / "decks" / "m_Sd.toml")
-        log = str(logs / "stack_bench.csv")
-        views: dict[str, tuple[tuple[str, ...], Callable[[Page], None]]] = {
-            "studio_tune": ((campaign,), tune),
-            "studio_scenario": ((unit,), scenario),
-            "studio_bench": ((campaign, "--log", log), bench),
-        }
-        for name, (arguments, ready) in views.items():
-            with studio(*arguments) as address:
-                page = Page(address)
-                try:
-                    ready(page.open())
-                    shoot(page, folder, name)
-                finally:
-                    page.close()
-        report = work / "page.html"
-        subprocess.run([sys.executable, "-m", "thermid", "report", campaign, "--to", str(report)], check=True, capture_output=True)
-        page = Page(report.as_uri())
-        try:
-            page.driver.get(report.as_uri())
-            shoot(page, folder, "report")
-        finally:
-            page.close()
+    with prepared() as work:
+        for name in sys.argv[2:] or VIEWS:
+            with view(name, work) as page:
+                shoot(page, folder, name)
 
 
 if __name__ == "__main__":

@@ -8,14 +8,9 @@ from __future__ import annotations
 import base64
 import os
 import shutil
-import subprocess
 import sys
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 sys.path.append(str(Path(__file__).parent))
 
 PARTS = {
@@ -40,6 +35,7 @@ def names() -> list[str]:
 def able() -> bool:
     """Return whether pictures can be taken here."""
     try:
+        import pytest  # noqa: F401
         import selenium  # noqa: F401
         import starlette  # noqa: F401
         import uvicorn  # noqa: F401
@@ -71,68 +67,36 @@ def missing(title: str) -> bytes:
 
 
 def taken() -> dict[str, bytes]:
-    """Return every picture by its name, as PNG."""
-    cards = {name: missing(title) for name, (_, _, title) in PARTS.items()}
+    """Return every picture by its name, as PNG; a card stands in place of each that could not be taken."""
+    out = {name: missing(title) for name, (_, _, title) in PARTS.items()}
     if not able() or os.environ.get("THERMID_DOCS_STUDIO") == "0":
-        return cards
-    try:
-        return cards | _shot()
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # also an outcome of pytest, by which the helper of the browser fails
-        print(f"pictures of the studio could not be taken, cards stand in their place: {error}", file=sys.stderr)
-        return cards
+        return out
+    from screenshots import VIEWS, prepared, view
 
-
-def _shot() -> dict[str, bytes]:
-    """Return every picture that a browser can take, by its name, as PNG."""
-    from screenshots import bench, scenario, tune
-    from tests.studio.browser import Page, logs_of, studio
-
-    out: dict[str, bytes] = {}
-    examples = ROOT / "examples"
-    with tempfile.TemporaryDirectory() as made:
-        work = Path(made)
-        for name in ("02_stack", "04_campaign"):
-            shutil.copytree(examples / name, work / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
-        shutil.copy(examples / "thermid.toml", work)
-        shutil.copy(examples / "06_swap" / "EleGFO_v2.toml", work / "04_campaign")
-        logs = logs_of(examples / "04_campaign" / "make_logs.py", work / "04_campaign" / "logs")
-        campaign, unit = str(work / "04_campaign" / "campaign.toml"), str(examples / "sisnav" / "qualification" / "decks" / "m_Sd.toml")
-        views: dict[str, tuple[tuple[str, ...], Callable[[Page], None]]] = {
-            "tune": ((campaign,), tune),
-            "scenario": ((unit,), scenario),
-            "bench": ((campaign, "--log", str(logs / "stack_bench.csv")), bench),
-        }
-        for view, (arguments, ready) in views.items():
-            with studio(*arguments) as address:
-                page = Page(address)
-                try:
-                    ready(page.open())
-                    out |= _parts(page, view)
-                finally:
-                    page.close()
-        report = work / "page.html"
-        subprocess.run([sys.executable, "-m", "thermid", "report", campaign, "--to", str(report)], check=True, capture_output=True)
-        page = Page(report.as_uri())
-        try:
-            page.driver.get(report.as_uri())
-            out |= _parts(page, "report")
-        finally:
-            page.close()
+    with prepared() as work:
+        for name in VIEWS:
+            try:
+                with view(name, work) as page:
+                    out |= _parts(page, name)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # also an outcome of pytest, by which the helper of the browser fails
+                print(f"the view '{name}' could not be taken, cards stand in its place: {error}", file=sys.stderr)
     return out
 
 
 def _parts(page: object, view: str) -> dict[str, bytes]:
     """Return the pictures of one view: its first screen, or one of its parts."""
     driver = page.driver  # type: ignore[attr-defined]
-    size = {"width": 1600, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    driver.execute_script("window.scrollTo(0, 0)")
     out = {}
     for name, (of, part, _) in PARTS.items():
         if of != view:
             continue
+        # a part is taken whole, so the window is as high as the highest of them
+        size = {"width": 1600, "height": 1000 if part == "body" else 1900, "deviceScaleFactor": 1, "mobile": False}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        driver.execute_script("window.scrollTo(0, 0)")
+        page.wait("await pause(400)")  # type: ignore[attr-defined]
         if part == "body":
             shot = driver.execute_cdp_cmd("Page.captureScreenshot", {"fromSurface": True})["data"]
             out[name] = base64.b64decode(shot)

@@ -20,7 +20,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,14 +44,18 @@ class FileKind:
     ----------
     name : str          In words, for messages and seals.
     own : callable      Whether a file is one that thermid wrote; None for the seal.
+    endings : tuple     How the names of such files end; empty where any will do.
+    named : bool        Whether a name must have one of these endings, because it chooses the format or other programs go by it.
     """
 
     name: str
     own: Callable[[Path], bool] | None = None
+    endings: tuple[str, ...] = ()
+    named: bool = False
 
     def of(self, title: str) -> FileKind:
         """Return the kind of one thing: a file of it is not replaced by one of another."""
-        return FileKind(f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
+        return replace(self, name=f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
 
     def wrote(self, path: Path) -> bool:
         """Whether thermid wrote a file as this kind, and nobody changed it since."""
@@ -79,22 +83,41 @@ def _from_netcdf(path: Path) -> bool:
         return False
 
 
-DECK: Final = FileKind("deck")
-VALUES: Final = FileKind("values file")
-SCENARIO: Final = FileKind("scenario")
-PROFILE: Final = FileKind("profile")
-STUDY: Final = FileKind("study")
-CREDIBILITY: Final = FileKind("credibility record")
-PAGE: Final = FileKind("page")
-PAPER: Final = FileKind("printed page")
-PICTURE: Final = FileKind("picture")
-EXPORT: Final = FileKind("export")
-EQUATIONS: Final = FileKind("equations file")
-DELIVERY: Final = FileKind("delivery")
-TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"))
-LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"))
-NETCDF: Final = FileKind("netCDF file", _from_netcdf)
-SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"))
+FORMATS: Final = {
+    **dict.fromkeys((".html", ".htm"), "a page"),
+    ".pdf": "a PDF",
+    ".svg": "an SVG picture",
+    **{f".{word}": f"a picture in {word.upper()}" for word in ("png", "jpg", "jpeg", "gif", "bmp", "tif", "tiff", "webp", "eps")},
+    ".csv": "a table in text",
+    **dict.fromkeys((".xls", ".xlsx", ".ods"), "a workbook"),
+    **dict.fromkeys((".doc", ".docx", ".odt"), "a word processor's document"),
+    **dict.fromkeys((".nc", ".h5", ".hdf5"), "a netCDF or HDF5 file"),
+    **dict.fromkeys((".gz", ".zip", ".bz2", ".xz"), "a compressed file"),
+    ".toml": "a TOML file",
+    ".json": "a JSON file",
+}
+"""Ending of a name -> what every program takes such a file for; other endings promise nothing."""
+_TEXTS: Final = (".csv", ".toml", ".json")
+
+
+DECK: Final = FileKind("deck", endings=(".toml",))
+VALUES: Final = FileKind("values file", endings=(".toml",))
+SCENARIO: Final = FileKind("scenario", endings=(".toml",))
+PROFILE: Final = FileKind("profile", endings=(".toml",))
+STUDY: Final = FileKind("study", endings=(".toml",))
+CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
+PAGE: Final = FileKind("page", endings=(".html", ".htm"))
+PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
+PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)
+DRAWING: Final = FileKind("picture", endings=(".svg",), named=True)
+"""A picture that is drawn as SVG alone."""
+EXPORT: Final = FileKind("export", endings=_TEXTS)
+EQUATIONS: Final = FileKind("equations file", endings=_TEXTS)
+DELIVERY: Final = FileKind("delivery", endings=(".json",))
+TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"), (".csv",))
+LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"), (".csv",))
+NETCDF: Final = FileKind("netCDF file", _from_netcdf, (".nc", ".h5", ".hdf5"))
+SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"), (".csv",))
 """In the folder of a report's tables, which nobody else names so."""
 COPY: Final = FileKind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
@@ -166,15 +189,36 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(f"a number has too many digits ({error})") from None
 
 
+def check_ending(path: str | os.PathLike[str], kind: FileKind) -> Path:
+    """Return a path whose ending does not promise another format than the one that is written; the one place that decides so.
+
+    Parameters
+    ----------
+    path : path         File to write.
+    kind : FileKind     What is written into it.
+
+    Raises
+    ------
+    OutputError   When the ending is that of another format, as `.pdf` for a table, or none at all where the kind needs one.
+    """
+    target = Path(path)
+    ending = target.suffix.lower()
+    if not kind.endings or ending in kind.endings or (ending not in FORMATS and not kind.named):
+        return target
+    own = " or ".join(kind.endings)
+    promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
+    raise OutputError(f"{promise} the {kind.name} is written as {own}. Give a name that ends so.", str(path))
+
+
 def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
     """Return the file that a path leads to, links followed, when it may be written; ask before long work.
 
     Raises
     ------
-    OutputError   When it is an input of this command, or a file that thermid did not write as this kind.
+    OutputError   When it is an input of this command, a file that thermid did not write as this kind, or has an ending of another format.
     OSError       When it is a folder or read-only, or its folder is missing; it names `path`.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(check_ending(path, kind)))
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not target.parent.is_dir():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from webpage import faults, without_script
+from webpage import crossings, faults, limited, without_script
 
 STUDY = Path(__file__).parents[2] / "examples" / "sisnav"
 
@@ -107,6 +107,8 @@ def test_without_a_pause_the_pair_blames_its_power_meter(monkeypatch: pytest.Mon
 def test_the_report_is_one_light_page_whose_numbers_have_units(campaign: td.Campaign, tmp_path: Path) -> None:
     text = td.report(campaign, to=tmp_path / "page.html").read_text(encoding="utf-8")
     without_script(text)
+    assert [c for c, figure in limited(text) if crossings(figure) and "NOT met" not in c] == []
+    assert len(limited(text)) > 3
     assert faults(text) == []
     print(f"page of the campaign: {len(text.encode()) / 1e6:.2f} MB")
     assert len(text.encode()) < 1_500_000

@@ -14,7 +14,7 @@ import pytest
 
 from docs.pages import NUMBER, near
 from thermid.cli.summary import show_campaign
-from webpage import faults, without_script
+from webpage import crossings, faults, limited, without_script
 
 pytestmark = [pytest.mark.campaign, pytest.mark.document]
 ROOT = Path(__file__).parents[2]
@@ -113,6 +113,7 @@ def test_V2_the_page_says_what_it_is(modules: dict[str, ModuleType], done: Any, 
     assert text.count("synthetic: virtual laboratory") >= 20
     assert "upper bounds" in text
     without_script(text)
+    assert [c for c, figure in limited(text) if crossings(figure) and "NOT met" not in c] == []
     assert faults(text) == []
     print(f"page of the study: {len(text.encode()) / 1e6:.2f} MB")
     assert len(text.encode()) < 1_000_000

@@ -120,6 +120,8 @@ def test_a_swap_marks_what_turns_stale(shown: Page) -> None:
         "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.dataset.state]))"
     )
     assert states == {"ProcSISNAV": "done", "EleGFO": "stale", "m_PrE": "stale"}
+    said = shown.run("return [...document.querySelectorAll('#stages button[data-state=stale] small')].map((e) => e.textContent)")
+    assert said == ["due after the swap"] * 2  # nothing was run yet, and nobody is told to run it again
     shown.wait("await pause(1500)")  # and what is on the disk, which is asked for every second, does not take the marks off
     assert shown.run("return document.querySelector('[data-stage=EleGFO]').dataset.state") == "stale"
     shown.clean()

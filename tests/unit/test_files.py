@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid import files
 from thermid.errors import OutputError
 from thermid.files import (
     COPY,
@@ -113,7 +115,7 @@ def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("kind", "text", "comment"), TEXTS)
 def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kind: FileKind, text: str, comment: str) -> None:
-    path = tmp_path / "file"
+    path = tmp_path / f"file{kind.endings[0]}"
     for again in (text, text):
         write_text(path, again, kind, comment)
     whole = path.read_bytes()
@@ -128,12 +130,12 @@ def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kin
     path.write_bytes(whole)
     with pytest.raises(OutputError, match="It was not written by thermid as profile, or was"):
         write_text(path, text, FileKind("profile"))
-    assert names(tmp_path) == ["file"]
+    assert names(tmp_path) == [path.name]
 
 
 def test_pictures_and_printed_pages_carry_their_seal_where_readers_allow_it(tmp_path: Path) -> None:
     for data, kind in ((PNG, PICTURE), (b"%PDF-1.4\n%%EOF\n", PAPER)):
-        path = tmp_path / kind.name
+        path = tmp_path / f"{kind.name}{kind.endings[0]}"
         for _ in range(2):
             write_bytes(path, data, kind)
         assert path.read_bytes()[:8] == data[:8]
@@ -169,6 +171,48 @@ def test_tables_are_known_by_their_header_and_read_as_before(tmp_path: Path) -> 
         for kind in (TABLE, LOG):
             with pytest.raises(OutputError):
                 may_write(path, kind)
+
+
+KINDS = {name: kind for name, kind in vars(files).items() if isinstance(kind, FileKind)}
+
+
+@pytest.mark.parametrize("name", sorted(KINDS))
+def test_no_file_has_the_ending_of_another_format(tmp_path: Path, name: str) -> None:
+    kind = KINDS[name]
+    for ending in kind.endings:
+        assert may_write(tmp_path / f"x{ending.upper()}", kind) == tmp_path / f"x{ending.upper()}"
+    for ending in set(files.FORMATS) - set(kind.endings) if kind.endings else ():
+        with pytest.raises(OutputError, match=rf"the ending '{re.escape(ending)}' promises .*, but the {kind.name} is written as"):
+            may_write(tmp_path / f"x{ending}", kind)
+    for ending in ("", ".out"):
+        if kind.named:
+            with pytest.raises(OutputError, match="does not say a format"):
+                may_write(tmp_path / f"x{ending}", kind)
+        else:
+            may_write(tmp_path / f"x{ending}", kind)
+    assert kind.own is not None or kind.of("two words").endings == kind.endings
+
+
+def test_what_is_written_in_python_has_the_format_of_its_name(tmp_path: Path) -> None:
+    """Solutions, records, models, decks and exports: an ending that promises another format is refused, and nothing is written."""
+    deck = {"title": "p", "needs": ["air"], "nodes": {"b": {"capacitance": "50 [J/K]"}}}
+    deck["conductors"] = {"k": {"kind": "contact", "between": ["b", "air"], "contact_conductance": "1 [W/(m^2 K)]", "area": "1 [m^2]"}}
+    model = td.model_from_dict(deck)
+    scenario = td.Scenario(boundaries={"air": "20 [degC]"}, start="30 [degC]", duration="1 [min]")
+    run = td.simulate(model, scenario)
+    run.to_csv(tmp_path / "run.csv")
+    record = td.read_record(tmp_path / "run.csv", {"b": {"node": "b"}})
+    (tmp_path / "run.csv").unlink()
+    for write, name in (
+        (run.to_csv, "run.xlsx"),
+        (record.to_csv, "log.pdf"),
+        (run.to_csv, "run.csv.gz"),
+        (lambda path: td.save_model(model, path), "deck.json"),
+        (lambda path: td.reporting.structures_report("none", [object()], to=path), "page.docx"),
+    ):
+        with pytest.raises(OutputError, match="promises"):
+            write(tmp_path / name)
+    assert names(tmp_path) == []
 
 
 def test_netcdf_is_known_by_its_source(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from thermid.cli.options import (
     ScenarioPath,
     Vacuum,
     ValuesPath,
+    Whole,
     fitted_model,
     leave,
     moments,
@@ -38,7 +39,7 @@ from thermid.cli.options import (
 )
 from thermid.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, refuse_unknown
 from thermid.extensions import GRAMMARS, json_schema
-from thermid.files import NETCDF, PICTURE, TABLE, write_text
+from thermid.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.fit.inputs import InputTable
 from thermid.knowledge.store import model_standing
 from thermid.model.deck.modelfile import load_model
@@ -61,7 +62,7 @@ FIRST = 4
 def check(
     deck: Deck,
     data: Data = None,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every finding of a deck, not the four most important.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every finding and input, not the most important.")] = False,
     as_json: Json = False,
 ) -> None:
     """Check a deck or campaign for errors and questionable values.
@@ -86,7 +87,7 @@ def check(
         "findings": [{"severity": f.severity, "where": f.where, "message": f.message} for f in findings],
         **({"inputs": {stage: table.to_dict() for stage, table in inputs.items()}} if campaign else {}),
     }
-    say(as_json, content, "\n".join(lines))
+    say(as_json, content, "\n".join(lines), verbose)
     raise SystemExit(0 if first is None else 2)
 
 
@@ -161,6 +162,7 @@ def steady_state(
     values: ValuesPath = None,
     keep_values: KeepValues = False,
     accept: Accept = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Print steady temperatures and their margins, least margin first.
@@ -186,7 +188,7 @@ def steady_state(
         for m in rows
     }
     content = {"held": settled.held, "warnings": list(settled.remarks), "nodes": nodes, "standing": standing.to_dict()}
-    say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines))
+    say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines), verbose)
     leave(standing)
 
 
@@ -214,12 +216,11 @@ def diagram(
 
     Submodels are drawn as boxes; --fold draws one as a single mass, --map puts every node on one page.
     """
-    if to.suffix.lower() != ".svg":
-        raise ScenarioError(f"a diagram is written as SVG; '{to.name}' does not end in .svg.", "--to")
+    check_ending(to, DRAWING)
     if as_map and fold:
         raise ScenarioError("a map shows every node; leave --fold out.", "--map")
     model = load_model(deck)
-    write_text(to, (network_map(model) if as_map else drawn(model, folded=fold)) + "\n", PICTURE)
+    write_text(to, (network_map(model) if as_map else drawn(model, folded=fold)) + "\n", DRAWING)
     typer.echo(f"diagram: {to}")
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.cli.options import CampaignPath, Data, Json, Results, leave, pairs, say, staged
+from thermid.cli.options import CampaignPath, Data, Json, Results, Whole, leave, pairs, say, staged
 from thermid.cli.screen import working
 from thermid.errors import NameNotFoundError, nearest
 from thermid.explain import criticism
@@ -42,6 +42,7 @@ def criticise(
     everything: Annotated[bool, typer.Option("--all", help="Try missing elements also where the residuals are only noise.")] = False,
     data: Data = None,
     results: Results = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Test the residuals of a fit and try missing elements.
@@ -54,7 +55,7 @@ def criticise(
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
             found[name] = criticism.criticise(fit, elements=True if everything else None)
-    say(as_json, {"stages": {n: c.to_dict() for n, c in found.items()}}, "\n\n".join(map(str, found.values())))
+    say(as_json, {"stages": {n: c.to_dict() for n, c in found.items()}}, "\n\n".join(map(str, found.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 
 
@@ -69,6 +70,7 @@ def plausibility(
     ] = [],  # noqa: B006
     data: Data = None,
     results: Results = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Compare fitted values with correlations and physical ranges.
@@ -78,5 +80,5 @@ def plausibility(
     weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
     fits = _fits(campaign, stage, data, results)
     found = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
-    say(as_json, {"stages": {n: p.to_dict() for n, p in found.items()}}, "\n\n".join(map(str, found.values())))
+    say(as_json, {"stages": {n: p.to_dict() for n, p in found.items()}}, "\n\n".join(map(str, found.values())), verbose)
     leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in found.values()) else 1)

@@ -31,6 +31,7 @@ from thermid.cli.options import (
     ScenarioPath,
     Vacuum,
     Verbose,
+    Whole,
     campaign_progress,
     leave,
     moments,
@@ -57,7 +58,7 @@ from thermid.reporting.blocks.extras import tables_folder
 from thermid.reporting.blocks.numbering import check_audience
 from thermid.reporting.pages import campaign as page
 from thermid.reporting.pages.views import calibration_object, campaign_object, campaign_standing, retune_object
-from thermid.reporting.pictures.trust import check_ending, picture
+from thermid.reporting.pictures.trust import picture
 from thermid.simulation.scenario_file import load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
@@ -139,6 +140,7 @@ def identify(
     after: Annotated[bool, typer.Option("--after", help="Look at the ends of the fits, not at their starts.")] = False,
     data: Data = None,
     results: Results = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Show which parameters the logs can identify, before a fit.
@@ -148,7 +150,7 @@ def identify(
     with campaign_progress(campaign) as progress:
         stages = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
     text = "\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in stages.values())
-    say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text)
+    say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text, verbose)
 
 
 def estimate(
@@ -163,6 +165,7 @@ def estimate(
     ] = "",
     data: Data = None,
     results: Results = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Fit a stage with process noise and compare its forecasts.
@@ -172,7 +175,7 @@ def estimate(
     result = staged(campaign, data, results)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
-    say(as_json, found.as_object(), found)
+    say(as_json, found.as_object(), found, verbose)
     raise SystemExit(0 if found.chosen.maximum.converged else 1)
 
 
@@ -182,6 +185,7 @@ def credibility(
     results: Results = None,
     to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
     force: Force = False,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """List source, state, tests, date and range of every value.
@@ -192,7 +196,7 @@ def credibility(
     record = origins.credibility(staged(campaign, data, results))
     if to is not None:
         record.save(to)
-    say(as_json, record.to_dict(), f"written: {to}" if to is not None else record)
+    say(as_json, record.to_dict(), f"written: {to}" if to is not None else record, verbose)
 
 
 def swap(
@@ -206,6 +210,7 @@ def swap(
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
     accept: Accept = None,
     force: Force = False,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Plan the replacement of a part: which tests and fits are due.
@@ -224,7 +229,7 @@ def swap(
         if to is not None:
             content["values_files"] = [f.name for f in retuned.save(to)]
             texts.append(f"values: {', '.join(content['values_files'])}")
-    say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts))
+    say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts), verbose)
     leave(standing, code)
 
 
@@ -247,6 +252,7 @@ def predict(
     data: Data = None,
     results: Results = None,
     accept: Accept = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Predict a scenario with a fitted stage, with 95 % bands.
@@ -260,18 +266,20 @@ def predict(
     stages = staged(campaign, data, results, accept)
     name = stage or list(stages)[-1]
     if conditions is None:
-        _predict_records(campaign, data, stages[name], name, record, as_json)
+        _predict_records(campaign, data, stages[name], name, record, as_json, verbose)
         return
     predicted = prediction.predict(stages[name], conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
     times = moments(at, conditions.seconds)
     if csv is not None:
         predicted.to_csv(csv)
     lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
-    say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines))
+    say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines), verbose)
     leave(predicted.standing)
 
 
-def _predict_records(campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool) -> None:
+def _predict_records(
+    campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
+) -> None:
     """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
     source = read_campaign(campaign, data)
     stage = next(s for s in source.content.stages if s.name == name)
@@ -297,7 +305,7 @@ def _predict_records(campaign: Path, data: Path | None, fit: Calibration, name: 
         lines.append(
             f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
         )
-    say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines))
+    say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines), verbose)
     leave(fit.standing)
 
 
@@ -329,6 +337,7 @@ def hold(
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
     accept: Accept = None,
     force: Force = False,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Compute how long limits are kept, with probabilities.
@@ -337,7 +346,7 @@ def hold(
 
     Runs are kept in a folder: an interrupted command goes on where it was.
     """
-    writable((None if figure is None else check_ending(figure), PICTURE))
+    writable((figure, PICTURE))
     asked = load_hold(question)
     folder = to if to is not None else question.parent / "results"
     with MemberProgress() as progress:
@@ -349,7 +358,7 @@ def hold(
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
         picture(answer, figure)
-    say(as_json, answer.to_dict(), answer)
+    say(as_json, answer.to_dict(), answer, verbose)
     leave(answer.standing)
 
 

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from thermid.cli.options import Force, Json, say, with_unit
+from thermid.cli.options import Force, Json, Whole, say, with_unit
 from thermid.errors import RecordError
-from thermid.files import PICTURE, write_text
+from thermid.files import DRAWING, check_ending, write_text
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.record import Record
@@ -39,11 +39,13 @@ def look(
 
     The lines for a campaign are printed too. Exit code 2 if times cannot be read.
     """
-    if to is not None and (len(logs) > 1 or to.suffix.lower() != ".svg"):
-        raise RecordError("one log is drawn as one SVG. Give one log, and a name that ends in .svg.", "--svg")
+    if to is not None and len(logs) > 1:
+        raise RecordError("one log is drawn as one SVG. Give one log.", "--svg")
+    if to is not None:
+        check_ending(to, DRAWING)
     looks = [picture.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
     if to is not None:
-        write_text(to, looks[0].svg() + "\n", PICTURE)
+        write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns
     bad = any(each.problem for each in looks)
     parts = ["\n".join(each.lines(width)) for each in looks]
@@ -71,6 +73,7 @@ def settle(
     later: Annotated[list[str], typer.Option("--reading", help="A later time whose reading is forecast; may be repeated.")] = [],  # noqa: B006
     model: Annotated[Path | None, typer.Option("--model", help="Deck whose time constants are used; with --scenario.")] = None,
     scenario: Annotated[Path | None, typer.Option("--scenario", help="Conditions of the stretch (TOML).")] = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Check whether a log is stable and forecast where it ends.
@@ -113,7 +116,7 @@ def settle(
     for name, f in ends.items():
         lines.append(f"{name}: no forecast. {f}" if isinstance(f, str) else str(f))
         lines += [] if isinstance(f, str) else [f"  at {t}: {f.reading(t)}" for t in times]
-    say(as_json, {**stable.as_object(), "forecasts": _forecasts(ends, times)}, "\n".join(lines))
+    say(as_json, {**stable.as_object(), "forecasts": _forecasts(ends, times)}, "\n".join(lines), verbose)
     raise SystemExit({"stable": 0, "not stable": 1, "cannot tell": 4}[stable.verdict])
 
 

@@ -15,12 +15,12 @@ from thermid.campaign.stages import Campaign, run_stages
 from thermid.cli.screen import Progress, show
 from thermid.errors import ScenarioError
 from thermid.extensions import require
-from thermid.files import NETCDF, PAGE, PAPER, PICTURE, command, may_write, scratch
+from thermid.files import NETCDF, PAPER, PICTURE, check_ending, command, may_write
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing
 from thermid.model.tree.model import Model
-from thermid.reporting.blocks.extras import browser, page_to_pdf
+from thermid.reporting.blocks.extras import check_page, page_to_pdf
 from thermid.reporting.pages.views import SCHEMA, clean
 from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
@@ -57,6 +57,7 @@ def _force(context: typer.Context, wanted: bool) -> bool:
 
 
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all details in place of the summary.")]
+Whole = Annotated[bool, typer.Option("--verbose", "-v", help="Print all lines in a terminal too, not what fits on a screen.")]
 Force = Annotated[
     bool, typer.Option("--force", callback=_force, help="Write also over an input, or over a file that thermid did not write.")
 ]
@@ -70,12 +71,12 @@ PRECEDENCE = (2, 3, 4, 1, 5, 0)
 """Exit codes, the one that wins first."""
 
 
-def say(as_json: bool, content: Mapping[str, Any], text: object) -> None:
-    """Print an answer: one JSON object, or text."""
+def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool = True) -> None:
+    """Print an answer: one JSON object, or text; without `verbose` what fits on a screen, where it is a terminal."""
     if as_json:
         typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **content})))
     else:
-        show(str(text))
+        show(str(text), whole=verbose)
 
 
 class CampaignProgress(Progress):
@@ -165,10 +166,10 @@ def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
 
     Raises
     ------
-    ScenarioError       When two PDFs are asked for, or the name of one does not end in .pdf.
+    ScenarioError       When two PDFs are asked for.
     MissingExtraError   When a package that draws pages is not installed.
     NoBrowserError      When a PDF is asked for and nothing can print it.
-    OutputError         When a file may not be written.
+    OutputError         When a file may not be written, or has the ending of another format.
     """
     if to is not None and to.suffix.lower() == ".pdf":
         if pdf is not None:
@@ -176,14 +177,11 @@ def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
         to, pdf = None, to
     if to is not None or pdf is not None:
         require("report", "a report")
-    if to is not None and to.parent.is_dir():  # the folder of a page is made where it is missing
-        may_write(to, PAGE)
     if pdf is not None:
-        if pdf.suffix.lower() != ".pdf":
-            raise ScenarioError(f"'{pdf.name}' does not end in .pdf. The page itself is written by --to.", "--pdf")
-        browser()
-        if pdf.parent.is_dir():
-            may_write(pdf, PAPER)
+        check_ending(pdf, PAPER)
+    for path in (to, pdf):
+        if path is not None:
+            check_page(path)
     return to, pdf
 
 
@@ -191,9 +189,7 @@ def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) ->
     """Write a page, its PDF, or both; return what was written by its name in the JSON object."""
     out = {"page": str(write(to))} if to is not None else {}
     if pdf is not None:
-        with scratch() as folder:
-            page = to if to is not None else write(folder / "page.html")
-            out["pdf"] = str(page_to_pdf(page, pdf))
+        out["pdf"] = str(write(pdf) if to is None else page_to_pdf(to, pdf))
     return out
 
 

@@ -18,6 +18,7 @@ from thermid.cli.options import (
     Page,
     Parameters,
     Pdf,
+    Whole,
     leave,
     pairs,
     ready,
@@ -61,6 +62,7 @@ def plan(
     lock: Annotated[bool, typer.Option("--lock", help="Write hash, date and predictions beside the plan, before any log is read.")] = False,
     data: Data = None,
     accept: Accept = None,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Predict each test of a qualification plan; lock the plan.
@@ -82,7 +84,7 @@ def plan(
             ends = [f"{p[f'{end}_C']:.1f} +- {_size(1.96 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
             lines.append(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
     answer = {"title": planned.title, "standing": standing.to_dict(), "plan": shown, "predictions": predictions}
-    say(as_json, answer, "\n".join([*lines, str(status)]))
+    say(as_json, answer, "\n".join([*lines, str(status)]), verbose)
     leave(standing)
 
 
@@ -98,6 +100,7 @@ def qualify(
     data: Data = None,
     accept: Accept = None,
     force: Force = False,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Run a qualification plan: limits, margins and verdicts on logs.
@@ -115,7 +118,7 @@ def qualify(
     with working("") as progress:
         result = run_plan(planned, notice=notice, accept=accept or ())
     pages = written(lambda path: qualification_report(result, to=path), to, pdf)
-    say(as_json, result.to_dict() | pages, _with_pages(result, pages))
+    say(as_json, result.to_dict() | pages, _with_pages(result, pages), verbose)
     leave(result.standing, LEAVES[result.passed])
 
 
@@ -134,6 +137,7 @@ def correlate(
     to: Page = None,
     pdf: Pdf = None,
     force: Force = False,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Compare measured and simulated logs against criteria.
@@ -158,7 +162,7 @@ def correlate(
         title=f"{measured.name} against {simulated.name}",
     )
     pages = written(lambda path: correlation_report(result, to=path, synthetic=first.origin.synthetic), to, pdf)
-    say(as_json, {"title": result.title, **result.to_dict(), **pages}, _with_pages(result, pages))
+    say(as_json, {"title": result.title, **result.to_dict(), **pages}, _with_pages(result, pages), verbose)
     leave(result.standing, LEAVES[weigh(result.verdicts.values())])
 
 
@@ -229,6 +233,7 @@ def profile(
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures of the run.")] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the run (png, svg, pdf).")] = None,
     force: Force = False,
+    verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Print an environmental test profile, or run it on a deck.
@@ -236,7 +241,7 @@ def profile(
     Numbers carry their clauses. On a deck, each dwell waits until the unit is stable.
     """
     if not standard:
-        _list(as_json)
+        _list(as_json, verbose)
         return
     course = _profile(standard, name, level, lowest, highest, change)
     if save is not None:
@@ -245,7 +250,7 @@ def profile(
         for option, path in (("--csv", csv), ("--picture", picture)):
             if path is not None:
                 raise ScenarioError("there is no run to write: name the deck with --on.", option)
-        say(as_json, _object(course), course)
+        say(as_json, _object(course), course, verbose)
         return
     writable((csv, TABLE), (picture, PICTURE))
     run = run_profile(
@@ -263,17 +268,17 @@ def profile(
         run.solution.to_csv(csv)
     if picture is not None:
         trust.picture(run, picture)
-    say(as_json, run.as_object(), run)
+    say(as_json, run.as_object(), run, verbose)
 
 
-def _list(as_json: bool) -> None:
+def _list(as_json: bool, verbose: bool) -> None:
     """Print the standards with their profiles and levels."""
     known = profile_names()
     lines = []
     for standard, profiles in known.items():
         lines.append(standard)
         lines += [f"  {name}{': ' + ', '.join(levels) if levels else ''}" for name, levels in profiles.items()]
-    say(as_json, {"standards": known}, "\n".join(lines))
+    say(as_json, {"standards": known}, "\n".join(lines), verbose)
 
 
 def _profile(standard: str, name: str, level: str, lowest: str | None, highest: str | None, change: list[str]) -> ThermalProfile:

@@ -9,7 +9,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final, Self
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 LONGEST: Final = 100
 """Characters of a line at most, however wide the terminal is: longer lines are hard to read."""
+SCREEN: Final = 45
+"""Lines that an answer has at most in a terminal without -v, where no warning is lost by that."""
 PATIENCE: Final = 2.0
 """Time after which a command says how far it is. [s]"""
 STYLES: Final = (
@@ -51,6 +53,35 @@ def folded(line: str, columns: int) -> list[str]:
     ) or [""]
 
 
+def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
+    """Return lines that fill at most so many lines of a terminal, and how many were left out.
+
+    First come the first and the last line and those that warn, then the heads of paragraphs (lines without indent), then the others in
+    turn: the first below each head, the second, and so on. They stand in their old order.
+
+    Parameters
+    ----------
+    lines : sequence of str     The whole text.
+    most, columns : int         Lines and columns that there are.
+    """
+    if sum(len(folded(line, columns)) for line in lines) <= most:
+        return list(lines)
+    depth, below = [], 0
+    for line in lines:
+        below = below + 1 if line[:1] in (" ", "") else 0
+        depth.append(below)
+    loud = {style: k for k, (style, _) in enumerate(STYLES[:2])}
+    rank = [loud.get(severity(line), 2) for line in lines]
+    full = [k for k, line in enumerate(lines) if line.strip()]
+    room, kept = most - 1, set()
+    for k in sorted(full, key=lambda k: (k not in (full[0], full[-1]), rank[k], depth[k], k)):
+        rows = len(folded(lines[k], columns))
+        if rows <= room:
+            room -= rows
+            kept.add(k)
+    return [*(lines[k] for k in sorted(kept)), f"{len(full) - len(kept)} more lines: -v"]
+
+
 def console(err: bool = False) -> Console:
     """Return the console of an output: colours in a terminal alone, and none where NO_COLOR is set."""
     from rich.console import Console
@@ -58,13 +89,14 @@ def console(err: bool = False) -> Console:
     return Console(stderr=err, width=width(), highlight=False, markup=False, emoji=False, soft_wrap=False)
 
 
-def show(text: str, err: bool = False) -> None:
-    """Print a text: folded and coloured in a terminal, as it is elsewhere."""
+def show(text: str, err: bool = False, whole: bool = True) -> None:
+    """Print a text: folded and coloured in a terminal, where without `whole` it is brief; as it is elsewhere."""
     stream = sys.stderr if err else sys.stdout
     if not stream.isatty():
         typer.echo(text, err=err)
         return
-    show_lines(console(err), text.split("\n"))
+    out, lines = console(err), text.split("\n")
+    show_lines(out, lines if whole else brief(lines, SCREEN, out.width))
 
 
 def show_lines(out: Console, lines: Iterable[str], style: str | None = None) -> None:

@@ -173,7 +173,8 @@ def example(
         raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
     if asked.data is not None and not as_json:
         show(asked.data.words, err=True)
-    made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
+    with working("making the synthetic logs" if asked.makes else ""):
+        made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
     content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
     if not run:
         say(as_json, content, str(made))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from thermid.campaign.advice import next_command
 from thermid.campaign.stages import Campaign
-from thermid.cli.screen import console, folded, severity, show_lines, width
+from thermid.cli.screen import SCREEN, console, folded, severity, show_lines, width
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.judge.criteria import Check
 from thermid.judge.verdict import Verdict
@@ -16,9 +15,6 @@ from thermid.knowledge.values import FittedValue
 from thermid.measure.amounts import digits, short
 from thermid.sourced import VERDICTS
 from thermid.units import counted
-
-SCREEN: Final = 45
-"""Lines that an answer has at most, where one line a stage and a verdict leaves room for that."""
 
 Row = tuple[str, ...]
 

@@ -198,6 +198,7 @@ class MissingElement:
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
+    bends : bool        Whether its heat is not in proportion to differences of temperature, so that it acts otherwise at other powers.
     """
 
     name: str
@@ -208,6 +209,7 @@ class MissingElement:
     starts: tuple[Mapping[str, float], ...] = ()
     additive: bool = False
     chosen: int = 0
+    bends: bool = False
 
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one."""
@@ -223,7 +225,7 @@ class MissingElement:
         starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
         nodes, additive = self.nodes + other.nodes, self.additive and other.additive
         name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
-        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen)
+        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, self.bends or other.bends)
 
 
 @dataclass(frozen=True)
@@ -669,7 +671,7 @@ def _steeper(request: Request, place: _Place) -> MissingElement:
         return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
 
     return MissingElement(
-        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True
+        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True, bends=True
     )
 
 
@@ -684,7 +686,7 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
         e = found[free].value
         return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
 
-    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True)
+    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True, bends=True)
 
 
 def _growing(request: Request, place: _Place) -> MissingElement:

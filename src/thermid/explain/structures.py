@@ -303,6 +303,7 @@ class _Searching:
                 break
             best = found
         best = self._challenged(self._simplest(self._pruned(best)))
+        self._straighten(best)
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -403,23 +404,34 @@ class _Searching:
     def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
         while len(best.changes) > 1 and not self._late():
-            scale, fewer = self._scale(), []
-            for k in range(len(best.changes) - 1):  # the last one was just proved
-                kept = (*best.changes[:k], *best.changes[k + 1 :])
-                request = self.request
-                for change in kept:
-                    request = change.make(request)
-                try:
-                    made = fitted_structure(kept, request, best.fitted, until=self.until)
-                except (ThermidError, np.linalg.LinAlgError):
-                    continue
-                self.done.append(made)
-                if made.possible and made.held.likelihood(scale) > best.held.likelihood(scale) - TIE:
-                    fewer.append(made)
+            scale = self._scale()
+            made = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
+            fewer = [m for m in made if m and m.possible and m.held.likelihood(scale) > best.held.likelihood(scale) - TIE]
             if not fewer:
                 return best
             best = max(fewer, key=lambda m: m.held.likelihood(scale))
         return best
+
+    def _without(self, best: FittedStructure, place: int) -> FittedStructure | None:
+        """Return the structure without one of its changes, refitted; None where that is not possible."""
+        kept = (*best.changes[:place], *best.changes[place + 1 :])
+        request = self.request
+        for change in kept:
+            request = change.make(request)
+        try:
+            made = fitted_structure(kept, request, best.fitted, until=self.until)
+        except (ThermidError, np.linalg.LinAlgError):
+            return None
+        self.done.append(made)
+        return made
+
+    def _straighten(self, best: FittedStructure) -> None:
+        """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
+        for place in [k for k, change in enumerate(best.changes) if change.bends]:
+            plain = None if self._late() else self._without(best, place)
+            scores = sorted(self._scores(plain), key=lambda s: -s.gain) if plain else []
+            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
+                self._refitted(plain or best, score)
 
     def _scale(self) -> dict[tuple[str, str], float]:
         """Return the variance of each trace: that of the structure with the smallest residuals, widened by how long they wander."""
@@ -432,13 +444,18 @@ class _Searching:
         """Return the simplest of the structures whose held-out readings are as likely as those of the best."""
         scale = self._scale()
         own = best.held.likelihood(scale)
-        alike = [s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE]
+        alike = [
+            s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE * max(best.nodes - s.nodes, 1)
+        ]
         return min(alike, key=lambda s: _rank(s, scale)) if alike else best
 
 
-def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, float]:
-    """Return what the simplest of equals is least in: masses, then held-out likelihood with half a unit for each unknown."""
-    return one.nodes, 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
+def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, int, float]:
+    """Return what the simplest of equals is least in: masses, laws that bend, then held-out likelihood with half a unit for each unknown.
+
+    A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
+    """
+    return one.nodes, sum(c.bends for c in one.changes), 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +13,7 @@ from thermid.campaign.file import read_campaign
 from thermid.errors import MissingDataError, NameNotFoundError, OutputError, nearest
 from thermid.files import COPY, folder_replacing, write_bytes
 from thermid.start.originals import MOTOR, TCLAB, DataSet, converted
+from thermid.start.schemas import head_copies
 
 ROOT_FILE: Final = "thermid.toml"
 _LEFT: Final = ("__pycache__", "results")
@@ -30,6 +33,7 @@ class ShippedExample:
     needs : tuple       Other examples whose files it uses, copied beside it.
     data : DataSet      Published measurements that it needs; None where it brings or makes its own.
     campaign : str      Its campaign, where it has one; it has the sums of the samples.
+    makes : str         The script that makes its synthetic logs, where a copy needs them before its first command.
     """
 
     name: str
@@ -38,6 +42,7 @@ class ShippedExample:
     needs: tuple[str, ...] = ()
     data: DataSet | None = None
     campaign: str = ""
+    makes: str = ""
 
 
 EXAMPLES: Final = {
@@ -50,7 +55,13 @@ EXAMPLES: Final = {
         ShippedExample("05_vacuum", "from air to vacuum", "python 05_vacuum/run.py", ("01_accelerometer",)),
         ShippedExample("06_swap", "a part replaced", "python 06_swap/run.py", ("02_stack",)),
         ShippedExample("07_pad", "a cabinet on a launch pad, with weather", "python run.py"),
-        ShippedExample("sisnav", "an avionics unit from parts to the whole, synthetic logs", "python laboratory.py ."),
+        ShippedExample(
+            "sisnav",
+            "an avionics unit from parts to the whole, synthetic logs",
+            "thermid report campaign.toml --to report.html",
+            campaign="campaign.toml",
+            makes="laboratory.py",
+        ),
         ShippedExample("unknown_power", "a power course recovered from temperatures", "python run.py"),
         ShippedExample(
             "tclab",
@@ -90,6 +101,8 @@ class Copied:
             lines.append(
                 f"  {self.logs} logs converted from the originals; the samples of {self.checked} are identical to those of the example"
             )
+        if self.example.makes:
+            lines.append(f"  its logs are synthetic, made by {self.example.makes}")
         return "\n".join([*lines, f"next: cd {self.folder} && {self.example.first}"])
 
 
@@ -119,9 +132,13 @@ def shipped() -> Path:
 
 
 def copy_example(
-    name: str, to: Path | None = None, originals: Path | None = None, progress: Callable[[int, int], None] | None = None
+    name: str,
+    to: Path | None = None,
+    originals: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    logs: bool = True,
 ) -> Copied:
-    """Copy an example with its data into a new folder.
+    """Copy an example with its data into a new folder, with the schemas by which an editor checks its files.
 
     Parameters
     ----------
@@ -129,11 +146,12 @@ def copy_example(
     to : Path           A folder that is new or empty; its name by default.
     originals : Path    Folder with copies of published repositories, `OWNER/REPOSITORY/path`; the public address by default.
     progress : callable Called with how many logs are made, and how many there will be.
+    logs : bool         Whether the synthetic logs of an example are made, by its own script.
 
     Raises
     ------
     OutputError         When something is in the folder already.
-    MissingDataError    When an original cannot be had.
+    MissingDataError    When an original cannot be had, or the script of the synthetic logs fails.
     RecordError         When its samples are not those that the example knows.
     """
     example, source = example_named(name), shipped()
@@ -157,8 +175,19 @@ def copy_example(
                 progress(k + 1, len(data.files))
         if data is not None:
             write_bytes(half / "LICENSE.data", _licence(data).encode(), COPY)
+        if example.makes and logs:
+            _make(half, example.makes)
+        head_copies(half, [file for file in half.rglob("*") if file.is_file()])
         checked = _checked(example, half)
     return Copied(example, folder, len(data.files) if data else 0, checked)
+
+
+def _make(folder: Path, script: str) -> None:
+    """Make synthetic logs by the script of a copy, in its folder."""
+    done = subprocess.run([sys.executable, "-B", script, "."], cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["without a word"])[-1]
+        raise MissingDataError(f"the synthetic logs of this example were not made: {said}. Run python {script} in its source.", script)
 
 
 def _files(folder: Path) -> Iterator[tuple[Path, Path]]:

@@ -22,6 +22,7 @@ from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
 from thermid.start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.start.roles import SURROUNDINGS, thinned_step
+from thermid.start.schemas import headed, may_write_schemas, write_schemas
 from thermid.start.templates import ROOT, TEMPLATE
 
 FITTED, KEPT = 0.7, "holdout"
@@ -109,11 +110,14 @@ def write_project(
     files = [folder / name for name in texts]
     for (_, kind), path in zip(texts.values(), files, strict=True):
         may_write(path, kind)
+    grammars = dict(zip(texts, ("deck", "scenario", "campaign"), strict=True))
+    may_write_schemas(folder, grammars.values())
     for record in (*fitted, kept):
         record.to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
     for name, (text, kind) in texts.items():
-        write_text(folder / name, text, kind)
+        write_text(folder / name, headed(text, grammars[name]), kind)
+    files += write_schemas(folder, grammars.values())
     marker = folder / "thermid.toml"
     if not marker.exists():
         write_text(marker, ROOT, TEMPLATE.of("root"))

@@ -8,6 +8,7 @@ from typing import Final
 
 from thermid.errors import NameNotFoundError, nearest
 from thermid.files import DECK, FileKind, may_write, write_text
+from thermid.start.schemas import headed, may_write_schemas, write_schemas
 
 TEMPLATE: Final = FileKind("project file")
 ROOT: Final = "# This file marks the root of a thermid project: decks and logs are looked for below it.\n"
@@ -104,9 +105,12 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
     folder.mkdir(parents=True, exist_ok=True)
     deck = next(iter(files))
     kinds = {file: DECK.of(Path(file).stem) if file == deck else TEMPLATE.of(Path(file).stem) for file in files}
+    grammars = {file: "deck" if file == deck else "scenario" for file in files}
     for file, kind in kinds.items():
         may_write(folder / file, kind)
-    written = [write_text(folder / file, text, kinds[file]) for file, text in files.items()]
+    may_write_schemas(folder, grammars.values())
+    written = [write_text(folder / file, headed(text, grammars[file]), kinds[file]) for file, text in files.items()]
+    written += write_schemas(folder, grammars.values())
     if not (folder / "thermid.toml").exists():
         written.append(write_text(folder / "thermid.toml", ROOT, TEMPLATE.of("root")))
     return f"thermid simulate {folder / deck} --scenario {folder / 'scenario.toml'}", written

@@ -12,8 +12,21 @@ from .conftest import Call
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("diagram", "DECK", "--to", "x.png"), "--to: a diagram is written as SVG; 'x.png' does not end in .svg."),
-        (("report", "x.toml", "--pdf", "x.html"), "--pdf: 'x.html' does not end in .pdf. The page itself is written by --to."),
+        (
+            ("diagram", "DECK", "--to", "x.png"),
+            "x.png: the ending '.png' promises a picture in PNG, but the picture is written as .svg. Give",
+        ),
+        (
+            ("diagram", "DECK", "--to", "x"),
+            "x: the name does not say a format, and the picture is written as .svg.",
+        ),
+        (("report", "x.toml", "--pdf", "x.html"), "x.html: the ending '.html' promises a page, but the printed page is written as .pdf."),
+        (
+            ("report", "x.toml", "--to", "x.docx"),
+            "the ending '.docx' promises a word processor's document, but the page",
+        ),
+        (("simulate", "DECK", "--for", "60", "--csv", "x.xlsx"), "x.xlsx: the ending '.xlsx' promises a workbook, but the table of"),
+        (("export", "DECK", "--as", "spice", "--for", "60", "--boundary", "air=24", "--to", "x.pdf"), "but the export is written as"),
         (("deliver", "DECK", "--to", "x", "--scenario", "s.toml", "--at", "foo"), "--at: 'foo' is the part that is reduced or has values"),
         (("predict", "x.toml", "--draws", "-5"), "Invalid value for '--draws'"),
         (("correlate", "a.csv", "a.csv", "--steady", "100:50"), "--steady: '100:50' ends before it begins."),

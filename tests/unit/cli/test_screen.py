@@ -15,6 +15,7 @@ from thermid.cli import options, screen
 from thermid.cli.screen import LONGEST, Progress, folded, severity, spoken, working
 from thermid.errors import MissingExtraError
 from thermid.extensions import missing, modules_of, require
+from thermid.reporting.blocks import extras
 from unit.cli.conftest import Call
 
 pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
@@ -178,6 +179,44 @@ class TestExtras:
         assert not (campaign.parent / "results").exists()
 
 
+class TestBrief:
+    def text(self, stages: int) -> list[str]:
+        blocks = [[f"stage {k}", f"  a {k}", f"  warning: w {k}", f"  b {k}", ""] for k in range(stages)]
+        return ["answer", *(line for block in blocks for line in block), "end"]
+
+    def test_what_fits_is_whole(self) -> None:
+        assert screen.brief(self.text(2), 12, 80) == self.text(2)
+
+    def test_first_and_last_then_warnings_then_heads_then_what_fits(self) -> None:
+        assert screen.brief(self.text(3), 6, 80) == ["answer", *(f"  warning: w {k}" for k in range(3)), "end", "9 more lines: -v"]
+        assert screen.brief(self.text(3), 10, 80) == [
+            *("answer", "stage 0", "  a 0", "  warning: w 0", "stage 1", "  warning: w 1", "stage 2", "  warning: w 2", "end"),
+            "5 more lines: -v",
+        ]
+
+    @pytest.mark.parametrize("most", [4, 7, 20, 45])
+    @pytest.mark.parametrize("columns", [30, 80])
+    def test_it_never_fills_more_lines_than_there_are_and_counts_what_is_left_out(self, most: int, columns: int) -> None:
+        lines = [line * (1 + k % 3) for k, line in enumerate(self.text(12))]
+        found = screen.brief(lines, most, columns)
+        assert sum(len(folded(line, columns)) for line in found) <= most
+        assert found[-1] == f"{sum(map(bool, lines)) - len(found) + 1} more lines: -v"
+
+    def test_a_terminal_gets_what_fits_and_a_pipe_the_whole(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        text = "\n".join(self.text(40))
+        screen.show(text, whole=False)
+        assert capsys.readouterr().out == text + "\n"
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+        screen.show(text, whole=False)
+        shown = capsys.readouterr().out.splitlines()
+        assert len(shown) <= screen.SCREEN
+        assert shown[-1].endswith("more lines: -v")
+        screen.show(text)
+        assert len(capsys.readouterr().out.splitlines()) == len(self.text(40))
+
+
 class TestReportAsPdf:
     def test_it_is_a_pdf_or_refused(self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         made: list[Path] = []
@@ -187,8 +226,8 @@ class TestReportAsPdf:
             to.write_bytes(b"%PDF-1.7\n")
             return to
 
-        monkeypatch.setattr(options, "browser", lambda: "browser")
-        monkeypatch.setattr(options, "page_to_pdf", pdf)
+        monkeypatch.setattr(extras, "browser", lambda: "browser")
+        monkeypatch.setattr(extras, "page_to_pdf", pdf)
         said = call("report", campaign, "--to", tmp_path / "x.pdf")
         assert said.code == 0
         assert made == [tmp_path / "x.pdf"]

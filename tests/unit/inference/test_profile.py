@@ -112,5 +112,5 @@ def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tm
         td.inference.profile(known, HTC, level=95)
     with pytest.raises(ThermidError, match="was given twice"):
         td.inference.valley(known, HTC, HTC)
-    with pytest.raises(ThermidError, match=r"'x\.bmp': the name of a picture must end in \.png, \.svg, \.pdf\."):
+    with pytest.raises(ThermidError, match=r"x\.bmp: the ending '\.bmp' promises a picture in BMP, but the picture is written as \.png or"):
         td.reporting.picture(td.explain.criticise(known), tmp_path / "x.bmp")

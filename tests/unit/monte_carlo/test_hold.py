@@ -175,7 +175,7 @@ def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.Cap
     assert command("hold", folder / "hold.toml", "--figure", "curve.gif") == 2
     said = capsys.readouterr().err
     assert "10 members are too few for 95 %. Request 400 or more." in said
-    assert "'curve.gif': the name of a picture must end in .png, .svg, .pdf." in said
+    assert "curve.gif: the ending '.gif' promises a picture in GIF, but the picture is written as .png or .svg or .pdf." in said
     assert "of 400 members" not in said
     assert not (folder / "results").exists()
 

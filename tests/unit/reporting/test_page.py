@@ -16,6 +16,8 @@ import pytest
 import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.errors import ThermidError
+from thermid.reporting.blocks import extras
+from thermid.reporting.pages import campaign as page_module
 from thermid.reporting.pages.campaign import report
 from webpage import without_script
 
@@ -227,6 +229,33 @@ def test_a_missing_extra_is_told_in_words(campaign: Campaign, tmp_path: Path, mo
     with pytest.raises(ThermidError, match=r"needs 'jinja2'.*pip install jinja2"):
         report(campaign, to=tmp_path / "x.html")
     assert not (tmp_path / "x.html").exists()
+
+
+def test_a_name_that_ends_in_pdf_is_a_pdf_or_refused(campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program in place of a browser writes the words PDF and the page's size where it is told to print."""
+    printer = tmp_path / "chromium"
+    printer.write_text(
+        '#!/bin/sh\nfor a; do case "$a" in --print-to-pdf=*) to="${a#--print-to-pdf=}";; file:*) of="${a#file://}";; esac; done\n'
+        'printf "%%PDF-1.4 " > "$to"; grep -c "</html>" "$of" >> "$to"\n',
+        encoding="utf-8",
+    )
+    printer.chmod(0o755)
+    monkeypatch.setattr(extras, "browser", lambda: str(printer))
+    made = td.report(campaign, to=tmp_path / "out" / "x.PDF")
+    assert made == tmp_path / "out" / "x.PDF"
+    assert made.read_bytes().startswith(b"%PDF-1.4 1\n")
+    assert [p.name for p in made.parent.iterdir() if p.suffix.lower() in (".html", ".pdf")] == ["x.PDF"]
+    with pytest.raises(td.errors.OutputError, match=r"the ending '\.docx' promises a word processor's document, but the page"):
+        td.report(campaign, to=tmp_path / "x.docx")
+
+    def none() -> str:
+        raise extras.NoBrowserError("no browser here")
+
+    monkeypatch.setattr(extras, "browser", none)
+    monkeypatch.setattr(page_module, "front", lambda campaign: pytest.fail("the page was begun"))
+    with pytest.raises(extras.NoBrowserError):
+        td.report(campaign, to=tmp_path / "y.pdf")
+    assert not (tmp_path / "y.pdf").exists()
 
 
 def test_report_is_public() -> None:

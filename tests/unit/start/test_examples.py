@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -14,11 +15,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from thermid.campaign.file import read_campaign
 from thermid.cli.app import app
 from thermid.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
+from thermid.extensions import json_schema
 from thermid.start import examples
-from thermid.start.examples import EXAMPLES, copy_example
+from thermid.start.examples import EXAMPLES, ShippedExample, copy_example
 from thermid.start.originals import MOTOR, TCLAB, controller, converted, samples_sum, thermocouples
+from thermid.start.schemas import kind_of
 
 DAQ = (
     '\ufeff"Device: X"\n"Sample Count: 3"\n"Scan Rate: 4.0"\n"Sample","Time (s)","Winding Temp (°C)","Ambient (°C)","Stator Body (°C)"\n'
@@ -39,14 +43,62 @@ def public() -> Path:
 
 @pytest.mark.parametrize("name", [n for n, e in EXAMPLES.items() if e.data is None])
 def test_a_copy_has_every_file_and_a_root(tmp_path: Path, name: str) -> None:
-    made = copy_example(name, tmp_path / "mine")
+    made = copy_example(name, tmp_path / "mine", logs=False)
     own = made.folder / name if EXAMPLES[name].needs else made.folder
-    there = {p.relative_to(own) for p in own.rglob("*") if p.is_file()} - {Path("thermid.toml")}
+    there = {p.relative_to(own) for p in own.rglob("*") if p.is_file() and "schema" not in p.parts} - {Path("thermid.toml")}
     source = examples.shipped() / name
     assert there == {path for _, path in examples._files(source)}
     assert (made.folder / "thermid.toml").is_file()
     for path in there:
-        assert (own / path).read_bytes() == (source / path).read_bytes()
+        assert unheaded((own / path).read_bytes()) == (source / path).read_bytes()
+
+
+def unheaded(data: bytes) -> bytes:
+    return re.sub(rb"^#:schema [\w./]+\n", b"", data)
+
+
+@pytest.mark.parametrize("name", ["04_campaign", "sisnav"])
+def test_every_file_of_a_copy_names_the_schema_that_it_follows(tmp_path: Path, name: str) -> None:
+    """But files below a lock, which holds their checksums, and what has no grammar of its own."""
+    made = copy_example(name, tmp_path / "mine", logs=False)
+    kinds = set()
+    for file in (f for f in made.folder.rglob("*.toml") if "qualification" not in f.parts):
+        first, kind = file.read_text(encoding="utf-8").splitlines()[0], kind_of(file.read_text(encoding="utf-8"))
+        if not kind:
+            assert file.name in ("thermid.toml", "document.toml")
+            assert not first.startswith("#:schema")
+            continue
+        kinds.add(kind)
+        place = (file.parent / first.removeprefix("#:schema ")).resolve()
+        assert place == (made.folder / "schema" / f"{kind}.schema.json").resolve()
+        assert json.loads(place.read_text(encoding="utf-8")).items() >= json_schema(kind).items()
+    assert kinds == {"04_campaign": {"deck", "campaign"}, "sisnav": {"deck", "campaign", "study", "scenario", "hold"}}[name]
+    for file in (made.folder / "qualification").rglob("*.toml"):
+        assert file.read_bytes() == (examples.shipped() / name / file.relative_to(made.folder)).read_bytes()
+
+
+def test_a_copy_makes_its_synthetic_logs_or_says_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "all" / "one").mkdir(parents=True)
+    (tmp_path / "all" / "thermid.toml").write_text("")
+    script = tmp_path / "all" / "one" / "lab.py"
+    script.write_text("import pathlib, sys\npathlib.Path(sys.argv[1], 'made.csv').write_text('time_s,T\\n')\n")
+    monkeypatch.setattr(examples, "_PLACES", (tmp_path / "all",))
+    monkeypatch.setitem(EXAMPLES, "one", ShippedExample("one", "a test", "thermid look made.csv", makes="lab.py"))
+    made = copy_example("one", tmp_path / "copy")
+    assert (made.folder / "made.csv").read_text() == "time_s,T\n"
+    assert "its logs are synthetic, made by lab.py" in str(made)
+    script.write_text("raise SystemExit('no seed')\n")
+    with pytest.raises(MissingDataError, match=r"the synthetic logs of this example were not made: no seed\."):
+        copy_example("one", tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+@pytest.mark.campaign
+def test_the_study_is_ready_for_its_report(tmp_path: Path) -> None:
+    made = copy_example("sisnav", tmp_path / "sisnav")
+    assert made.example.first.startswith("thermid report campaign.toml")
+    source = read_campaign(made.folder / "campaign.toml", made.folder)
+    assert all(source.record(name).duration > 0 for name in source.content.records)
 
 
 def test_the_first_command_of_a_copy_with_siblings_runs(tmp_path: Path) -> None:

@@ -60,6 +60,9 @@ def test_a_hidden_mass_is_found_written_checked_and_validated(tmp_path: Path) ->
     assert done["status"] == "ok"
     fitted = td.load_values(tmp_path / "p" / "results" / "first_fit.values.toml")
     assert fitted["plate.capacitance"].value == pytest.approx(150.0, rel=0.05)
+    for name, kind in (("plate", "deck"), ("scenario", "scenario"), ("campaign", "campaign")):
+        assert (tmp_path / "p" / f"{name}.toml").read_text().startswith(f"#:schema ./schema/{kind}.schema.json\n")
+        assert (tmp_path / "p" / "schema" / f"{kind}.schema.json").is_file()
     text = (tmp_path / "p" / "plate.toml").read_text()
     assert "# measured: column T_plate_C" in text
     assert "prediction of hold-out readings" in text
@@ -215,6 +218,11 @@ def test_a_template_is_a_project(tmp_path: Path, name: str) -> None:
     command, files = write_template(name, tmp_path / "t")
     deck = next(f for f in files if f.stem in ("part", "box"))
     assert not [f for f in td.load_model(deck).check() if f.severity == "error"]
+    assert deck.read_text().startswith("#:schema ./schema/deck.schema.json\n")
+    assert (tmp_path / "t" / "scenario.toml").read_text().startswith("#:schema ./schema/scenario.schema.json\n")
+    assert {f.name for f in files if "schema" in f.parts} == {"deck.schema.json", "scenario.schema.json"}
+    assert all(f.is_file() for f in files)
+    write_template(name, tmp_path / "t")  # again over what nobody changed
     assert run(*command.split()[1:])["status"] == "ok"
     deck.write_text("mine = 1\n")
     with pytest.raises(OutputError):

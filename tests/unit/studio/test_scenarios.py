@@ -108,6 +108,32 @@ def test_the_worst_part_state_and_time_are_said(work: Work) -> None:
     assert len(off) == sum(p["kind"] == "off" and p["name"].endswith("off") for p in found["phases"])
 
 
+def passed_limits(found: dict[str, Any]) -> set[tuple[str, str]]:
+    """Return point and state of every drawn limit that its curve passes, from the numbers that the chart draws."""
+    out = set()
+    for point in found["points"]:
+        times, values = next((np.array(c["times"]), np.array(c["values"])) for c in found["curves"] if c["name"] == point["node"])
+        for span in point["spans"]:
+            at = np.unique([span["from"], span["to"], *times[(times >= span["from"]) & (times <= span["to"])]])
+            curve, (low, high) = np.interp(at, times, values), span["limits"]
+            if (low is not None and curve.min() < low - 1e-6) or (high is not None and curve.max() > high + 1e-6):
+                out.add((point["point"], span["state"]))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("key", "asked", "word"),
+    [("scenario 0", {}, "kept"), (KEY, CYCLE, "passed a limit"), (KEY, {**CYCLE, "highest": 75}, "passed a limit")],
+)
+def test_no_curve_passes_a_drawn_limit_unless_its_check_says_so(work: Work, key: str, asked: dict[str, Any], word: str) -> None:
+    found = ran(work, key, asked)
+    said = {(c["point"], c["state"]): c["passed"] for c in found["checks"]}
+    assert passed_limits(found) == {state for state, passed in said.items() if passed is False}
+    assert bool(passed_limits(found)) is (word == "passed a limit")
+    assert found["verdict"]["word"] == word
+    assert found["points"]
+
+
 def test_sliders_reach_the_run(work: Work) -> None:
     cooler = ran(work, "scenario 0", {}, {"skin.area": 0.3})
     warmer = ran(work, "scenario 0", {})

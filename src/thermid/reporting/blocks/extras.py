@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from thermid.arguments import takes_objects
 from thermid.errors import MissingExtraError, ThermidError
 from thermid.extensions import missing
-from thermid.files import PAGE, PAPER, may_write, scratch, write_bytes, write_text
+from thermid.files import PAGE, PAPER, check_ending, may_write, scratch, write_bytes, write_text
 from thermid.reporting.blocks.content import typeset
 from thermid.reporting.blocks.numbering import Sheets, numbered
 
@@ -78,6 +78,22 @@ def page_template(name: str, sheets: Sheets) -> Template:
     return environment.get_template(name)
 
 
+def check_page(to: str | os.PathLike[str]) -> Path:
+    """Return the file that a page is written to, a PDF where its name ends in .pdf; ask before long work.
+
+    Raises
+    ------
+    OutputError      When the file may not be written, or has the ending of another format.
+    NoBrowserError   When it is a PDF and no browser is installed that prints it.
+    """
+    target = Path(to)
+    kind = PAPER if target.suffix.lower() == ".pdf" else PAGE
+    if kind is PAPER:
+        browser()
+    # the folder of a page is made where it is missing
+    return check_ending(target, kind) if not target.parent.is_dir() else may_write(target, kind) and target
+
+
 def tables_folder(page: str | os.PathLike[str]) -> Path:
     """Return the folder beside a page that holds its long tables."""
     return Path(page).with_suffix(".tables")
@@ -89,22 +105,28 @@ def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None =
     Parameters
     ----------
     name : str          The template.
-    to : path           The page.
+    to : path           The page; it is printed into a PDF where its name ends in .pdf.
     sheets : Sheets     Where the long tables go, and for whom the page is; beside the page and for all by default.
     values              What the template says.
 
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When it is a PDF and no browser is installed that prints it.
+    OutputError         When the file may not be written, or has the ending of another format.
     """
-    target = Path(to)
+    target = check_page(to)
     kept = sheets if sheets is not None else Sheets(tables_folder(target))
     content = numbered(page_template(name, kept).render(audience=kept.audience, **values))
     content = content.replace(FORMULAS, formula_face() if "<math" in content else "", 1)
     target.parent.mkdir(parents=True, exist_ok=True)
-    written = write_text(target, content, PAGE)
+    if target.suffix.lower() == ".pdf":
+        with scratch() as folder:
+            page_to_pdf(write_text(folder / "page.html", content, PAGE), target)
+    else:
+        write_text(target, content, PAGE)
     kept.write()
-    return written
+    return target
 
 
 FORMULAS = "/*formulas*/"

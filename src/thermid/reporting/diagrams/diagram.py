@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -117,7 +118,7 @@ def diagram(
     parts += _rails(plan, under)
     parts += [part for row in plan.rows.values() for part in _node(plan, row, under, at, marked, row.path + "." in plain.parts)]
     parts += _loads(plan, plain, numbers, powers, logged)
-    parts += [part for k, wire in enumerate(plan.wires) for part in _label(plan, k, wire)]
+    parts += [part for k, wire in enumerate(plan.wires) for part in _label(plan, k, wire, flowing)]
     signs = [("≈", "≈ at 35 and 25 °C"), (" *<", "* changes with temperature or time")]
     legend, bottom = _legend(plan, bool(network.flat.loads), [text for sign, text in signs if any(sign in part for part in parts)])
     label = escape(title if title is not None else model.title)
@@ -207,14 +208,19 @@ def _style(c: FlatConductor) -> tuple[str, str]:
     return LEAD_LOSS if c.kind == "lead" and c.recipe is not None else STYLES[c.kind]
 
 
+def _thickness(path: str, watts: Mapping[str, float]) -> float:
+    """Return how thick the line of a heat flow is drawn."""
+    most = max(map(abs, watts.values()))
+    return 1.0 + 7.0 * math.sqrt(abs(watts.get(path, 0.0)) / most if most > 0 else 0.0)
+
+
 def _wire(plan: DiagramLayout, k: int, wire: Wire, watts: Mapping[str, float], marked: bool) -> Iterable[str]:
     c = wire.conductor
     style, _ = _style(c)
     points = _points(plan, k, wire)
     extra, flow = _mark("path", c.path, marked), watts.get(c.path, 0.0)
     if watts:
-        most = max(map(abs, watts.values()))
-        extra += f' style="stroke-width:{1.0 + 7.0 * (abs(flow) / most if most > 0 else 0.0) ** 0.5:.1f}px"'
+        extra += f' style="stroke-width:{_thickness(c.path, watts):.1f}px"'
     yield _path(points, style, f"{c.path} ({c.kind}): {c.ends[0]} to {c.ends[1]}, {wire.value}", extra)
     if flow and c.kind != "flow":
         ends = points if flow > 0 else points[::-1]
@@ -226,7 +232,7 @@ def _wire(plan: DiagramLayout, k: int, wire: Wire, watts: Mapping[str, float], m
         yield f'<circle class="rail" cx="{plan.rails[wire.rails[0]]:.1f}" cy="{wire.rows[0].port(k):.1f}" r="5.5"/>'
 
 
-def _label(plan: DiagramLayout, k: int, wire: Wire) -> Iterable[str]:
+def _label(plan: DiagramLayout, k: int, wire: Wire, watts: Mapping[str, float]) -> Iterable[str]:
     """Yield name and conductance: beside lines that run down, above lines to a rail."""
     tip = f"{wire.conductor.path} ({wire.conductor.kind})"
     if wire.way in ("straight", "lane"):
@@ -235,6 +241,8 @@ def _label(plan: DiagramLayout, k: int, wire: Wire) -> Iterable[str]:
         yield _text(x, wire.label_y + 11, wire.value, "halo")
         return
     y = _rails_y(plan, wire) if wire.way == "rails" else wire.rows[0].port(k)
+    if watts:  # above the line, however thick it is, so that no descender lies in it
+        y -= _thickness(wire.conductor.path, watts) / 2
     room = plan.frame - plan.labels - width_of(f"  {wire.value}")
     name = clipped(wire.name, room)
     yield _text(plan.labels, y - 4, name, "halo soft", tip=tip)

@@ -25,7 +25,7 @@ from thermid.judge.verdict import Verdict
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
 from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant, tall
-from thermid.reporting.blocks.extras import tables_folder, write_page
+from thermid.reporting.blocks.extras import check_page, tables_folder, write_page
 from thermid.reporting.blocks.numbering import Sheets, check_audience
 from thermid.reporting.diagrams.diagram import diagram
 from thermid.reporting.diagrams.heat import heat_map
@@ -57,7 +57,7 @@ def report(
     audience: str = "all",
     tables_to: str | os.PathLike[str] | None = None,
 ) -> Path:
-    """Write a campaign as one HTML page and return its path.
+    """Write a campaign as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
     The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
     and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script
@@ -75,8 +75,11 @@ def report(
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
     ScenarioError       When there is no such audience.
     """
+    check_page(to)
     sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
     records, of = tables.made_records(campaign)
     coefficients, others = tables.levels(campaign)

@@ -37,7 +37,7 @@ from thermid.reporting.blocks.content import (
     signed,
     significant,
 )
-from thermid.reporting.blocks.extras import tables_folder, write_page
+from thermid.reporting.blocks.extras import check_page, tables_folder, write_page
 from thermid.reporting.blocks.numbering import Sheets, check_audience
 from thermid.reporting.pages import tables
 from thermid.reporting.pages.front import VERDICTS_TABLE, front
@@ -59,7 +59,9 @@ def study_report(
     audience: str = "all",
     tables_to: str | os.PathLike[str] | None = None,
 ) -> Path:
-    """Write a study as one HTML page and return its path. The page loads nothing and runs no script but its own.
+    """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
+
+    The page loads nothing and runs no script but its own.
 
     Long tables are files of comma-separated values too, in a folder beside the page.
 
@@ -77,8 +79,11 @@ def study_report(
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
     ScenarioError       When there is no such audience.
     """
+    check_page(to)
     sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
     records, of = tables.made_records(campaign)
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
@@ -335,7 +340,9 @@ def structures_report(
     reasons: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write a comparison of structures as one HTML page and return its path. The page loads nothing and runs no script but its own.
+    """Write a comparison of structures as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
+
+    The page loads nothing and runs no script but its own.
 
     Parameters
     ----------
@@ -350,9 +357,12 @@ def structures_report(
     ------
     ValueError          Without structures, or when the chosen one is not among them.
     MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
     """
     if not structures:
         raise ValueError("no structures are given to compare.")
+    check_page(to)
     taken = _taken(structures, chosen)
     return write_page(
         "study.html.jinja",

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import ThermidError
 from thermid.explain.criticism import Criticism, cumulated_periodogram
-from thermid.files import PICTURE, write_bytes
+from thermid.files import PICTURE, check_ending, write_bytes
 from thermid.inference.profile import Profile, Valley
 from thermid.monte_carlo.hold import Hold, HoldPoint, clock, driven_by
 from thermid.physics.constants import ICE_POINT
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-PICTURES = (".png", ".svg", ".pdf")
 LEVELS = {2.30: "68 %", 5.99: "95 %"}
 """Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
 
@@ -46,30 +45,18 @@ def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | o
     Raises
     ------
     ThermidError        When there is no picture of such a thing.
+    OutputError         When the name of the file does not end in png, svg or pdf.
     MissingExtraError   When matplotlib is not installed.
     """
     drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
         raise ThermidError(f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.")
-    target = check_ending(to)
+    target = check_ending(to, PICTURE)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
         drawn = BytesIO()
         figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
     return write_bytes(target, drawn.getvalue(), PICTURE)
-
-
-def check_ending(to: str | os.PathLike[str]) -> Path:
-    """Return a path whose ending is that of a picture.
-
-    Raises
-    ------
-    ThermidError   When it is another.
-    """
-    target = Path(to)
-    if target.suffix.lower() not in PICTURES:
-        raise ThermidError(f"'{target.name}': the name of a picture must end in {', '.join(PICTURES)}.")
-    return target
 
 
 @contextmanager

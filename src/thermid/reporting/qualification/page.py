@@ -36,7 +36,7 @@ from thermid.reporting.blocks.content import (
     folded,
     number,
 )
-from thermid.reporting.blocks.extras import write_page
+from thermid.reporting.blocks.extras import check_page, write_page
 from thermid.reporting.pages.tables import versions
 from thermid.reporting.pictures import correlation
 from thermid.reporting.pictures.chart import Area, Stroke
@@ -49,7 +49,9 @@ from thermid.units import counted
 
 @takes_objects
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
-    """Write a qualification as one HTML page and return its path. The page loads nothing and runs no script but its own.
+    """Write a qualification as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
+
+    The page loads nothing and runs no script but its own.
 
     Parameters
     ----------
@@ -59,7 +61,10 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
     """
+    check_page(to)
     content, worst = q.plan.content, q.worst
     watermark = q.demonstration.upper()
     outcomes = [t.passed for t in q.trials] + [m.passed for m in q.margins]
@@ -96,7 +101,7 @@ def running(q: Qualification) -> str:
 
 @takes_objects
 def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic: bool = False) -> Path:
-    """Write a correlation as one HTML page - metrics, gates, overlays with the sensors' band - and return its path.
+    """Write a correlation as one HTML page, or as a PDF where its name ends in .pdf, and return its path: metrics, gates, overlays.
 
     Parameters
     ----------
@@ -107,7 +112,10 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     Raises
     ------
     MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
     """
+    check_page(to)
     blocks = [
         Section.of("deviations", "Deviations", [tables.deviations(c)]),
         Section.of("gates", "Criteria", [tables.gates(c)]),

@@ -6,7 +6,7 @@ import { begin } from "/static/stages.js";
 import { s } from "/static/state.js";
 
 const chart = new Chart(at("scenario-chart"), { x: "time [h]", y: "temperature [°C]" }, () => {}, look);
-let shelf = null, found = null, asking = 0;
+let shelf = null, found = null, asking = 0, describing = 0, renew = false;
 
 export async function openScenarios() {
   shelf = await tried(() => ask(`/api/shelf?stage=${encodeURIComponent(s.stage)}`));
@@ -32,15 +32,19 @@ const LEVELS = ["hot", "cold", "cycles", "dwell", "ramp", "stable"];
 const plain = (text) => (text || "not given").replace(/ \[.*\]$/, "");
 const written = (text) => nice(text.replace(/ \[1\]/, "").replace(/\[([^\]]*)\]/g, "$1")); // as decks write them: 3 [K/min]
 const UNITS = { hot: "°C", cold: "°C", dwell: "h", ramp: "K/min" };
+// answers may come in another order than their questions: the last question counts, and what a lost one would have drawn anew is drawn then
 async function describe(fresh = true) {
+  const mine = ++describing;
+  renew = renew || fresh;
   const course = chosen(), profile = course?.kind === "profile";
   for (const n of document.querySelectorAll("#scenario-form [data-for]")) n.hidden = !n.dataset.for.split(" ").includes(course?.kind);
   if (!shelf.fitted || !shelf.limits.length) at("uncertain").parentElement.hidden = true;
   if (fresh) { at("numbers").replaceChildren(); for (const id of ["lowest", "highest"]) at(id).value = ""; }
   if (!profile) { at("profile-numbers").replaceChildren(); return; }
   const told = await tried(() => ask("/api/profile", asked()));
-  if (!told || chosen() !== course) return;
-  if (fresh) at("numbers").replaceChildren(...LEVELS.filter((n) => n in told.numbers || n === "hot" || n === "cold").filter((n) => told.kind !== "humidity" || n in told.numbers).map((n) => make("label", {}, `${n}${UNITS[n] ? ` [${UNITS[n]}]` : ""} `, make("input", { type: "text", "data-number": n, autocomplete: "off", onchange: () => describe(false) }))));
+  if (!told || mine !== describing) return;
+  if (renew) at("numbers").replaceChildren(...LEVELS.filter((n) => n in told.numbers || n === "hot" || n === "cold").filter((n) => told.kind !== "humidity" || n in told.numbers).map((n) => make("label", {}, `${n}${UNITS[n] ? ` [${UNITS[n]}]` : ""} `, make("input", { type: "text", "data-number": n, autocomplete: "off", onchange: () => describe(false) }))));
+  renew = false;
   for (const i of at("numbers").querySelectorAll("input")) i.placeholder = plain(told.numbers[i.dataset.number]?.text);
   const lines = Object.entries(told.numbers).map(([n, v]) => make("tr", {}, make("th", { scope: "row", text: n }), make("td", { text: written(v.text) }), make("td", { text: v.mark }), make("td", { text: [v.clause, v.note].filter(Boolean).join("; ") })));
   at("profile-numbers").replaceChildren(

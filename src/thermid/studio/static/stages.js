@@ -19,7 +19,7 @@ export function drawStages() {
   at("stage-count").textContent = `${s.project.stages.length} stages: ${counts}${word ? `; ${seen.length} shown` : ""}`;
   list.replaceChildren(...seen.map((x) => {
     const running = job && !job.ended && job.what === "run" && job.stage === x.name, state = running ? "running" : x.state;
-    const says = state === "done" && x.standing ? `${x.usable ? "?" : "✗"} ${x.standing.toUpperCase()}` : state === "done" && !Object.keys(x.sensors).length ? "values by hand" : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : SAYS[state] || state;
+    const says = state === "done" && x.standing ? `${x.usable ? "?" : "✗"} ${x.standing.toUpperCase()}` : state === "done" && !Object.keys(x.sensors).length ? "values by hand" : state === "done" ? `RMSE to ${shown(Math.max(...Object.values(x.sensors), 0), 2)} K` : (!running && x.says) || SAYS[state] || state;
     return make("li", {}, make("button", { type: "button", "data-stage": x.name, "data-state": state, "data-standing": (state === "done" && x.standing) || false, "aria-current": x.name === s.stage ? "true" : "false", title: x.because || x.why || state, onclick: () => open(x.name) }, make("span", { text: x.name }), make("small", { text: says })));
   }));
   const current = list.querySelector("[aria-current=true]");
@@ -96,7 +96,7 @@ at("swap").addEventListener("submit", (e) => { e.preventDefault(); tried(async (
   at("swap-result").replaceChildren(make("p", { class: "soft", text: "Working it out …" }));
   const plan = await ask("/api/swap", { part: at("swap-part").value, deck: at("swap-deck").value }).catch((error) => { at("swap-result").replaceChildren(); throw error; });
   const due = new Set(plan.stages.filter((x) => x.action !== "kept").map((x) => x.name));
-  s.project.stages = s.project.stages.map((x) => (due.has(x.name) ? { ...x, state: "stale", why: `after ${plan.part}: ${plan.old} → ${plan.new}` } : x));
+  s.project.stages = s.project.stages.map((x) => (due.has(x.name) ? { ...x, state: "stale", says: "due after the swap", why: `after ${plan.part}: ${plan.old} → ${plan.new}` } : x));
   drawStages();
   const doubts = s.project.stages.filter((x) => x.standing).map((x) => make("p", { class: "warning", text: nice(`${x.name}: ${x.because}.`) }));
   at("swap-result").replaceChildren(...doubts, make("p", { text: `${plan.part}: ${plan.old} → ${plan.new}. ${plan.freed.length} interface values retuned, ${due.size} of ${plan.stages.length} stages due again, ${plan.tests.length} tests to repeat.` }), make("ul", {}, ...plan.stages.map((x) => make("li", { "data-action": x.action, text: nice(`${x.name}: ${x.action}, ${x.why}`) }))), make("details", {}, make("summary", { text: "In full" }), make("pre", { text: nice(plan.text), tabindex: "0" })));
