@@ -1,9 +1,10 @@
-"""`make torture MINUTES=8`: mutants of files, commands and arguments, random networks, kills and full disks; a table of counts.
+"""`make torture MINUTES=8`: mutants of files, commands and arguments, random networks, kills, outputs, a hostile client; a table of counts.
 
-    python scripts/torture.py --minutes 8 [--seed 1] [--page docs/torture.md]
+    python scripts/torture.py --minutes 8 [--seed 1] [--only PART ...] [--kept build/torture.json] [--page docs/torture.md]
 
-Six tenths of the time go to mutants, three to random networks against independent solvers, one to jobs that are killed or find the disk
-full at calls that write. The exit code is 1 when there is a finding; each is printed with its seed.
+Each part takes its share of the minutes, or with `--only` all of them; `--count` gives a number of cases in place of a time. What a part
+found is kept in a file, with its seed and day, so that long parts can be run one at a time; the page shows the last run of each. The
+exit code is 1 when there is a finding; each is printed with its seed.
 """
 
 from __future__ import annotations
@@ -14,14 +15,35 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from thermid.errors import CAPS
 
 ROOT = Path(__file__).parent.parent
-ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT / "tests"), "PYTHONDONTWRITEBYTECODE": "1"}
-MUTANTS = {"python": ("files read in Python", 0.3), "commands": ("files given to commands", 0.2), "calls": ("arguments of functions", 0.1)}
-JOBS = (("values", "kill"), ("values", "full"), ("plan", "full"), ("decks", "kill"))
-"""Jobs of tests/unit/interrupted.py and what happens to them, as far as the time allows."""
-Row = tuple[str, int, list[str]]
+ENVIRONMENT = {
+    **os.environ,
+    "OMP_NUM_THREADS": "1",
+    "PYTHONPATH": str(ROOT / "tests"),
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "PYTHONHASHSEED": "0",
+}
+JOBS = ("values", "plan", "decks", "studio", "simulate", "hold", "calibrate", "report")
+"""Jobs of tests/unit/interrupted.py, the quick ones first."""
+Found = dict[str, Any]
+"""Counts, findings, and what else a part measures."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the torture: its words in the table, its share of the time, and what runs it for some seconds from a seed."""
+
+    title: str
+    share: float
+    run: Callable[[float, int, int], Found]
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
@@ -29,68 +51,134 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *command], capture_output=True, text=True, cwd=ROOT / "tests", env=ENVIRONMENT, check=False)
 
 
-def mutants(how: str, seconds: float, seed: int) -> tuple[Row, dict[str, int]]:
-    """Return how many mutants were tried and what was found, and their numbers by kind."""
-    made = run("-m", "torture.files", how, f"{seconds:.0f}", str(seed))
+def told(*command: str) -> Found:
+    """Run a part that prints one JSON object."""
+    made = run(*command)
     if made.returncode:
-        return (MUTANTS[how][0], 0, [f"the process ended with {made.returncode}: {made.stderr[-300:]}"]), {}
-    found = json.loads(made.stdout)
-    lines = [f"{what} ({number} times, seed '{first}')" for what, (number, first) in found["findings"].items()]
-    return (MUTANTS[how][0], sum(found["counts"].values()), lines), found["counts"]
+        return {"counts": {}, "findings": [f"the process ended with {made.returncode}: {made.stderr[-300:]}"]}
+    found: Found = json.loads(made.stdout)
+    if isinstance(found["findings"], dict):
+        found["findings"] = [f"{what} ({where})" for what, where in found["findings"].items()]
+    return found
 
 
-def networks(seconds: float, seed: int) -> Row:
-    """Return how many random networks were solved and what was found."""
+def mutants(how: str) -> Callable[[float, int, int], Found]:
+    """Return what runs mutants of files in Python, on the command line, or of arguments."""
+    return lambda seconds, seed, count: told("-m", "torture.files", how, f"{seconds:.0f}", str(seed), str(count))
+
+
+def kernels(seconds: float, seed: int, count: int) -> Found:
+    """Random networks of the kernel, against matrix exponentials and integrators of scipy."""
     made = run(str(ROOT / "scripts/fuzz.py"), "--minutes", f"{seconds / 60.0:.3f}", "--seed", str(seed))
     *found, last = made.stdout.splitlines() or ["0 cases"]
-    return "random networks against independent solvers", int(last.split()[0]), found
+    return {"counts": {"cases": int(last.split()[0])}, "findings": found}
 
 
-def kills(seconds: float) -> Row:
-    """Return how many jobs were disturbed at a call that writes, and what was wrong."""
-    every, runs, wrong = max(1, round(240.0 / max(seconds, 1.0))), 0, []
-    for job, how in JOBS:
-        with tempfile.TemporaryDirectory() as folder:
-            made = run("unit/interrupted.py", job, folder, how, str(every))
-            found = json.loads(made.stdout.splitlines()[-1]) if made.returncode == 0 else {"runs": 0, "wrong": [made.stderr[-300:]]}
-        runs += found["runs"]
-        wrong += [f"{job}, {how}: {each}" for each in found["wrong"]]
-    return "jobs killed or on a full disk, at calls that write", runs, wrong
+def elements(seconds: float, seed: int, count: int) -> Found:
+    """Random decks of every kind of element, against Radau."""
+    return told("-m", "torture.elements", str(count if count < sys.maxsize else max(5, round(seconds / 0.4))), str(seed))
+
+
+def kills(seconds: float, seed: int, count: int) -> Found:
+    """Jobs that are killed or find the disk full at each call that writes, or at every so many as far as the time allows."""
+    every = 1 if count < sys.maxsize else max(1, round(600.0 / max(seconds, 1.0)))
+    counts, wrong = {}, []
+    for job in JOBS[: len(JOBS) if every < 20 else 3]:
+        for how in ("kill", "full"):
+            with tempfile.TemporaryDirectory() as folder:
+                made = run("unit/interrupted.py", job, folder, how, str(every))
+                found = json.loads(made.stdout.splitlines()[-1]) if made.returncode == 0 else {"runs": 0, "wrong": [made.stderr[-300:]]}
+            counts[f"{job}, {how}"] = found["runs"]
+            wrong += [f"{job}, {how}: {each}" for each in found["wrong"]]
+    return {"counts": counts, "findings": wrong}
+
+
+def outputs(seconds: float, seed: int, count: int) -> Found:
+    """Outputs of commands aimed at inputs."""
+    found = told("-m", "torture.outputs", f"{seconds:.0f}")
+    return found | {"counts": {"aimed": found["counts"].get("aimed", 0)}, "of": found["counts"]}
+
+
+def hostile(seconds: float, seed: int, count: int) -> Found:
+    """Hostile requests to the studio."""
+    return told("-m", "torture.hostile", str(count if count < sys.maxsize else max(50, round(seconds * 40.0))), str(seed))
+
+
+def logs(seconds: float, seed: int, count: int) -> Found:
+    """Logs that are large, packed, pipes or exchanged, closed pipes, and signals at random moments."""
+    return told("-m", "torture.logs", f"{seconds:.0f}", str(seed))
+
+
+PARTS = {
+    "python": Part("files read in Python", 0.2, mutants("python")),
+    "commands": Part("files given to commands", 0.15, mutants("commands")),
+    "calls": Part("arguments of functions", 0.05, mutants("calls")),
+    "kernel": Part("random networks of the kernel, against exponentials and scipy", 0.15, kernels),
+    "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements),
+    "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills),
+    "outputs": Part("outputs of commands aimed at inputs", 0.05, outputs),
+    "hostile": Part("hostile requests to the studio", 0.1, hostile),
+    "logs": Part("large, packed, exchanged and silent logs, closed pipes, signals", 0.05, logs),
+}
 
 
 def main() -> int:
-    """Run all parts; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Run the parts; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=8.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--page", type=Path, help="file to which the table is written")
+    parser.add_argument("--only", choices=PARTS, action="append", help="run this part alone; may be repeated")
+    parser.add_argument("--count", type=int, default=sys.maxsize, help="at most so many cases of a part")
+    parser.add_argument("--kept", type=Path, default=ROOT / "build/torture.json", help="file that keeps the last run of each part")
+    parser.add_argument("--page", type=Path, help="file to which the tables are written")
     given = parser.parse_args()
-    seconds = 60.0 * given.minutes
-    rows: list[Row] = []
-    kinds: dict[str, dict[str, int]] = {}
-    for how, (_, share) in MUTANTS.items():
-        row, kinds[how] = mutants(how, share * seconds, given.seed)
-        rows.append(row)
-    rows += [networks(0.3 * seconds, given.seed), kills(0.1 * seconds)]
-    lines = ["| part | cases | findings |", "|---|---|---|", *(f"| {name} | {count:,} | {len(found)} |" for name, count, found in rows)]
-    text = "\n".join(lines)
-    print(text)
-    for _, _, found in rows:
-        print("\n".join(f"finding: {each}" for each in found), end="\n" if found else "")
+    kept: dict[str, Found] = json.loads(given.kept.read_text(encoding="utf-8")) if given.kept.exists() else {}
+    chosen = given.only or [*PARTS]
+    whole = sum(PARTS[name].share for name in chosen)
+    findings = 0
+    for name in chosen:
+        found = PARTS[name].run(60.0 * given.minutes * PARTS[name].share / whole, given.seed, given.count)
+        kept[name] = found | {"seed": given.seed, "day": time.strftime("%Y-%m-%d")}
+        given.kept.parent.mkdir(parents=True, exist_ok=True)
+        given.kept.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        findings += len(found["findings"])
+        print(f"{PARTS[name].title}: {sum(found['counts'].values()):,} cases, {len(found['findings'])} findings", flush=True)
+        print("\n".join(f"finding: {each}" for each in found["findings"]), end="\n" if found["findings"] else "", flush=True)
     if given.page:
-        given.page.write_text(page(text, kinds, given), encoding="utf-8")
-    return 1 if any(found for _, _, found in rows) else 0
+        given.page.write_text(page(kept), encoding="utf-8")
+    return 1 if findings else 0
 
 
-def page(table: str, kinds: dict[str, dict[str, int]], given: argparse.Namespace) -> str:
-    """Return the page with the table, and the mutants by kind."""
-    names = list(dict.fromkeys(name for how in ("python", "commands") for name in kinds[how]))
-    by_kind = [f"| {name} | {kinds['python'].get(name, 0):,} | {kinds['commands'].get(name, 0):,} |" for name in names]
-    return (
-        (ROOT / "scripts/torture.md")
-        .read_text(encoding="utf-8")
-        .format(table=table, kinds="\n".join(by_kind), minutes=f"{given.minutes:g}", seed=given.seed)
-    )
+def page(kept: dict[str, Found]) -> str:
+    """Return the page with the tables of the last runs."""
+    rows = [
+        f"| {part.title} | {sum(kept[n]['counts'].values()):,} | {len(kept[n]['findings'])} | {kept[n]['seed']} | {kept[n]['day']} |"
+        for n, part in PARTS.items()
+        if n in kept
+    ]
+    by = {how: kept.get(how, {"counts": {}})["counts"] for how in ("python", "commands")}
+    kinds = list(dict.fromkeys(name for how in by for name in by[how]))
+    inside = {
+        "kinds": [f"| {name} | {by['python'].get(name, 0):,} | {by['commands'].get(name, 0):,} |" for name in kinds],
+        "elements": [f"| {name} | {number:,} |" for name, number in kept.get("elements", {}).get("kinds", {}).items()],
+        "ends": [f"{number:,} {how}" for how, number in kept.get("elements", {"counts": {}})["counts"].items()],
+        "others": [
+            f"| {name} | {number:,} |" for part in ("kills", "hostile", "logs") for name, number in named(part, kept.get(part)).items()
+        ],
+        "findings": [f"- {each}" for n in PARTS for each in kept.get(n, {"findings": []})["findings"]] or ["None."],
+        "caps": [f"| `{name}` | {most:g} | {what} |" for name, (most, what) in CAPS.items()],
+    }
+    memory = kept.get("hostile", {}).get("memory", [0.0, 0.0])
+    text = (ROOT / "scripts/torture.md").read_text(encoding="utf-8")
+    filled = {name: (", " if name == "ends" else "\n").join(lines) for name, lines in inside.items()}
+    return text.format(table="\n".join(rows), begin=memory[len(memory) // 2], end=memory[-1], **filled)
+
+
+def named(part: str, found: Found | None) -> dict[str, int]:
+    """Return the counts of a part with names that say what they count."""
+    words = {"kills": "job: {}", "hostile": "answers of {} to hostile requests", "logs": "{}"}
+    silent = {"0": "closed without a word"}
+    return {words[part].format(silent.get(name, name)): number for name, number in (found or {"counts": {}})["counts"].items()}
 
 
 if __name__ == "__main__":

@@ -8,9 +8,11 @@ import html
 import re
 from html.parser import HTMLParser
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 POLICY = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]*)"')
 
@@ -83,6 +85,30 @@ def limited(page: str) -> list[tuple[str, str]]:
         for one in whole
         if (found := FIGURE.search(one)) is not None and 'data-n="limit, ' in one
     ]
+
+
+SMALLEST = """
+const out = new Map(), walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+for (let n = walk.nextNode(); n; n = walk.nextNode()) {
+  const e = n.parentElement;
+  if (!n.textContent.trim() || !e.checkVisibility() || e.closest('script, style, title, .vh, sub, sup, math, .skip')) continue;
+  const scale = e.ownerSVGElement ? Math.hypot(e.getScreenCTM().a, e.getScreenCTM().b) : 1;
+  out.set(`${e.tagName} ${n.textContent.trim().slice(0, 30)}`, 0.75 * scale * parseFloat(getComputedStyle(e).fontSize));
+}
+return [...out].sort((a, b) => a[1] - b[1]).slice(0, 5);"""
+"""Texts with their size on paper [pt], the smallest first."""
+
+
+def filled(pdf: Path) -> list[float]:
+    """Return of every sheet the part of its height down to its last mark; heads and feet are left out."""
+    pdfium = pytest.importorskip("pypdfium2", reason="pypdfium2 is not installed (extra test)")
+    out = []
+    for sheet in pdfium.PdfDocument(pdf):
+        grey = np.asarray(sheet.render(scale=0.5, grayscale=True).to_numpy()).squeeze()
+        high = grey.shape[0]
+        rows = np.flatnonzero((grey[int(0.062 * high) : int(0.945 * high)] < 250).any(axis=1))
+        out.append(float(rows.max() / (0.883 * high)) if rows.size else 0.0)
+    return out
 
 
 UNIT = re.compile(r"(?:^|[ (,])(K/h|K|°C|nK|W/\(m² K\)|W/\(m K\)|W/K|W|kg|cm²|m²|mm|kJ|J|s|min|h|%|% of rise)\)?$")

@@ -2,15 +2,21 @@
 
 `where` is a file with a key path and, where it is known, a line: ``m_PrE.toml:12, conductors.Rcd1``. `exit_code` is what the
 command line returns for it.
+
+`CAPS` is how much a file, a text or a request may ask for before it is refused, and `cap` says what holds now: the environment variable
+`THERMID_CAPS` raises or lowers any of them. Decision 219 says why there is one table.
 """
 
 from __future__ import annotations
 
+import math
+import os
 import re
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from functools import lru_cache
+from typing import Any, Final, TypeVar
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -99,6 +105,72 @@ class IdentificationError(ThermidError, ValueError):
 
 class ThermidWarning(UserWarning):
     """Something that a reader of the result must know."""
+
+
+CAPS: Final[Mapping[str, tuple[float, str]]] = {
+    "text": (4e6, "bytes of a deck, scenario, campaign or another TOML or JSON file that people write"),
+    "deck": (50e6, "bytes of one file of a deck of SINDA or ESATAN"),
+    "script": (1e6, "characters of a script with parameters"),
+    "unpacked": (200e6, "bytes to which a packed log, an HDF5, netCDF or MATLAB file, or a workbook may unpack"),
+    "samples": (5e6, "samples of one periodic signal"),
+    "outputs": (10e6, "times at which one run stores temperatures"),
+    "stored": (250e6, "temperatures that one run stores: times by nodes"),
+    "members": (10e6, "members of a campaign of runs"),
+    "cycles": (10e3, "cycles of a test profile"),
+    "cells": (20e3, "cells of a block that becomes a model"),
+    "instances": (10e3, "instances in one array of submodels"),
+    "exponent": (20.0, "exponent in a unit; at most 99"),
+    "unit": (80.0, "characters of a unit"),
+    "expression": (2000.0, "characters of an expression"),
+    "power": (64.0, "exponent in arithmetic with numbers"),
+    "key": (64.0, "parts of a dotted key of TOML"),
+    "nesting": (64.0, "tables and lists of a file one inside the other"),
+    "decks": (20.0, "decks that use each other, one inside the other"),
+    "includes": (16.0, "files of a SINDA or ESATAN deck that include each other, one inside the other"),
+    "body": (1e6, "bytes of a request to the studio"),
+    "headers": (32e3, "bytes of the headers of a request to the studio"),
+    "clients": (32.0, "requests that the studio answers at once"),
+}
+"""Name -> how much, and of what. They lie far above what anyone has meant so far, and below what harms a machine."""
+CAPS_VARIABLE: Final = "THERMID_CAPS"
+
+
+def cap(name: str) -> float:
+    """Return a cap as it holds now: that of `THERMID_CAPS`, such as ``unpacked=1e9 samples=2e7``, or else that of `CAPS`.
+
+    Raises
+    ------
+    ThermidError   When the variable names no cap, or gives no number above zero.
+    """
+    given = os.environ.get(CAPS_VARIABLE)
+    return _caps(given)[name] if given else CAPS[name][0]
+
+
+@lru_cache(maxsize=8)
+def _caps(given: str) -> dict[str, float]:
+    """Return every cap, with those that the variable gives."""
+    out = {name: most for name, (most, _) in CAPS.items()}
+    for word in given.replace(",", " ").split():
+        name, _, text = word.partition("=")
+        refuse_unknown([name], CAPS, CAPS_VARIABLE, "there is no cap '{}'; there are {known}.", ThermidError)
+        try:
+            out[name] = float(text)
+        except ValueError:
+            out[name] = math.nan
+        if not out[name] > 0.0:
+            raise ThermidError(f"'{word}' gives no number above zero. Write for example {name}={CAPS[name][0]:g}.", CAPS_VARIABLE)
+    return out
+
+
+def raising(name: str) -> str:
+    """Return the end of a refusal: which cap it was, and how it is raised.
+
+    >>> raising("cycles")
+    " The cap 'cycles' is 10000; the environment variable THERMID_CAPS=cycles=NUMBER raises it."
+    """
+    most = cap(name)
+    shown = f"{most:.0f}" if most < 1e5 else f"{most:g}"
+    return f" The cap '{name}' is {shown}; the environment variable {CAPS_VARIABLE}={name}=NUMBER raises it."
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

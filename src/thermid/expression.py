@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from thermid.dual import Dual, real_power, value_of
-from thermid.errors import ExpressionError, ThermidError
+from thermid.errors import ExpressionError, ThermidError, cap, raising
 from thermid.units import DIMENSIONLESS, Dimension, Unit, describe, to_si, unit
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
@@ -35,8 +35,6 @@ _PLACE = "__quantity"
 _WORD = re.compile(rf"\b(?:{'|'.join(keyword.kwlist)})(?=\.[A-Za-z_])|(?<=\.)(?:{'|'.join(keyword.kwlist)})\b")
 """A part of a path that is a word of Python: a node may be called `in`."""
 _MARK = "__word"
-_LONGEST = 2000
-_LARGEST_POWER = 64
 _MOST_BITS = 4096
 """Digits of a number in between, as bits: more than any float needs, and few enough to compute at once."""
 _LARGEST_EXPONENT = 400
@@ -111,8 +109,8 @@ def parse(text: str) -> Expression:
     >>> parse("pi/4*diameter**2 - 2 [cm^2]").names
     ('diameter',)
     """
-    if len(text) > _LONGEST:
-        raise ExpressionError(f"the expression has {len(text)} characters; the limit is {_LONGEST}.")
+    if len(text) > cap("expression"):
+        raise ExpressionError(f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}")
     bracket = _BRACKET.match(text)
     body = bracket["number"] if bracket else text
     names: list[str] = []
@@ -314,8 +312,8 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
         raise ValueError("infinity inside arithmetic")
     left, right = _fraction(node.left, body), _fraction(node.right, body)
     if isinstance(node.op, ast.Pow):
-        if abs(right) > _LARGEST_POWER:
-            raise OverflowError
+        if abs(right) > cap("power"):
+            raise ExpressionError(f"'{_short(body)}' has no finite value, or needs a power above {cap('power'):.0f}.{raising('power')}")
         if right.denominator != 1:  # a root is not a fraction; it is rounded here and once more at the end
             return Fraction(real_power(float(left), float(right)))
         if _bits(left) * abs(right) > _MOST_BITS:

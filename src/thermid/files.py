@@ -12,6 +12,7 @@ import hashlib
 import os
 import platform
 import re
+import select
 import shutil
 import stat
 import struct
@@ -24,16 +25,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from thermid.errors import OutputError
+from thermid.errors import OutputError, ThermidError, cap, raising
 
 NETCDF_SOURCE: Final = "thermid"
 """Attribute `source` of a netCDF file."""
 _DAY: Final = 86400.0
+SILENCE: Final = 10.0
+"""Time after which a pipe out of which nothing comes is given up. [s]"""
 _STARTED: Final = time.time()
 _HOST: Final = hashlib.sha256(platform.node().encode()).hexdigest()[:6]
 _HALF: Final = re.compile(r"^\.(?P<host>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}\.half\.")
-_DEEPEST: Final = 64
-_LONG_KEY: Final = re.compile(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""")
 
 
 @dataclass(frozen=True)
@@ -155,17 +156,38 @@ def was_read(path: str | os.PathLike[str]) -> None:
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Return the bytes of an input."""
-    data = Path(path).read_bytes()
+    """Return the bytes of an input; from a pipe or a device only while something comes, and up to the cap `unpacked`.
+
+    Raises
+    ------
+    OSError        When it cannot be read; it names `path`.
+    ThermidError   When a pipe stays silent, or more comes than the cap.
+    """
+    mode = os.stat(path).st_mode
+    data = Path(path).read_bytes() if stat.S_ISREG(mode) or stat.S_ISDIR(mode) else _piped(path)
     was_read(path)
     return data
 
 
+def _piped(path: str | os.PathLike[str]) -> bytes:
+    """Return what comes out of a pipe or a device."""
+    pipe, data, most = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), bytearray(), int(cap("unpacked"))
+    try:
+        while len(data) <= most:
+            if not select.select([pipe], [], [], SILENCE)[0]:
+                raise ThermidError(f"this is a pipe, and nothing came out of it within {SILENCE:g} s. Give the path of a file.", str(path))
+            part = os.read(pipe, 1 << 20)
+            if not part:
+                return bytes(data)
+            data += part
+    finally:
+        os.close(pipe)
+    raise ThermidError(f"more than {most / 1e6:.0f} MB came out of this pipe or device.{raising('unpacked')}", str(path))
+
+
 def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     """Return the text of an input, line ends as Python has them."""
-    text = Path(path).read_text(encoding=encoding)
-    was_read(path)
-    return text
+    return read_bytes(path).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -177,8 +199,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     import tomllib
 
-    if _LONG_KEY.search(text):
-        raise tomllib.TOMLDecodeError(f"a key has {_DEEPEST} parts or more")
+    most = int(cap("key"))
+    if re.search(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{most}}}""", text):
+        raise tomllib.TOMLDecodeError(f"a key has {most} parts or more.{raising('key').rstrip('.')}")
     try:
         return tomllib.loads(text)
     except RecursionError:

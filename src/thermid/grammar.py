@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from thermid.errors import DeckError, ThermidError, nearest
+from thermid.errors import DeckError, ThermidError, cap, nearest, raising
 
 T = TypeVar("T")
 BRANCHES = ("str", "float", "ValueTable", "PowerLawTable", "Correlated")
@@ -145,6 +145,9 @@ class Grammar(BaseModel):
         ------
         ThermidError   Of the class `fault` of the grammar, with every fault.
         """
+        fault = endless(data)
+        if fault:
+            raise cls.fault(fault[1], where(fault[0]))
         try:
             return cls.model_validate(data)
         except ValidationError as error:
@@ -202,6 +205,24 @@ SignalField: TypeAlias = Annotated[
 """What may change with time in a scenario file: as `CourseField`, or a column of a log."""
 CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "amplitude")), (TimesTable, ()))]
 """What may change with time, as `thermid.model.laws.signal.signal` reads it."""
+
+
+def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str, str] | None:
+    """Return the first place of what no reader may get, and why: tables and lists nested too deeply, whole numbers beyond any float."""
+    deepest = int(cap("nesting")) if deepest is None else deepest
+    if isinstance(data, int) and data.bit_length() > LONGEST_NUMBER:
+        return path, f"a number has too many digits (some {data.bit_length() * 0.30103:.0f}); no float holds it."
+    if not isinstance(data, dict | list | tuple):
+        return None
+    if deepest == 0:
+        return path, f"tables and lists are nested too deeply.{raising('nesting')}"
+    inside = data.items() if isinstance(data, dict) else enumerate(data)
+    found = (endless(value, f"{path}.{key}" if path else str(key), deepest - 1) for key, value in inside)
+    return next((each for each in found if each), None)
+
+
+LONGEST_NUMBER = 1023
+"""Bits of a whole number that a float holds."""
 
 
 def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[Grammar]) -> ThermidError:

@@ -10,12 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, cap, nearest, raising
 from thermid.extensions import by_grammar, grammar_of
 from thermid.files import parse_toml, read_text
 
 MARKER = "thermid.toml"
-LARGEST_FILE = 4_000_000
 _HEADER = re.compile(r"^\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(#.*)?$")
 _KEY = re.compile(r"""^\s*((?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+))*)\s*=""")
 
@@ -133,14 +132,17 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     if not path.is_file():
         if path.is_dir():
             raise DeckError(f"there is no file '{path}': it is a folder.")
+        if path.exists():
+            raise DeckError("this is a pipe or a device. Give the path of a file.", path.name)
         if not path.parent.is_dir():
             raise DeckError(f"there is no file '{path.name}', and no folder '{path.parent}'.")
         near = nearest(path.stem, {p.stem for p in path.parent.glob(f"*{path.suffix}")})
         near = near.replace("'?", f"{path.suffix}'?")
         raise DeckError(f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}")
-    if path.stat().st_size > LARGEST_FILE:
+    if path.stat().st_size > cap("text"):
         raise DeckError(
-            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text file of a few kilobytes. Move tables of data into a log.",
+            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text file of a few kilobytes. "
+            f"Move tables of data into a log.{raising('text')}",
             path.name,
         )
     try:

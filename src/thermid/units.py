@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid._units_table import TABLE
-from thermid.errors import UnitError, nearest
+from thermid.errors import UnitError, cap, nearest, raising
 
 Dimension = tuple[Fraction, ...]
 """Exponents of metre, kilogram, second, ampere and kelvin."""
@@ -110,8 +110,10 @@ def unit(text: str) -> Unit:
     >>> unit("mm").factor
     Fraction(1, 1000)
     """
-    if len(text) > _LONGEST:
-        raise UnitError(f"'[{text[:40]}...]' is not a known unit: it has {len(text)} characters, the limit is {_LONGEST}.")
+    if len(text) > cap("unit"):
+        raise UnitError(
+            f"'[{text[:40]}...]' is not a known unit: it has {len(text)} characters, the limit is {cap('unit'):.0f}.{raising('unit')}"
+        )
     key = "1" if text.strip() == "-" else _normalised(text) or "1"  # a dash says that there is none
     row = TABLE.get(key)
     if row is not None:
@@ -139,15 +141,14 @@ def _check_exponents(text: str, key: str) -> None:
     """Refuse exponents that no physical unit has: their powers of ten would be computed digit by digit."""
     for given in _EXPONENT.findall(key):
         if given[:1].isdigit() or given[:1] == "-":
-            if not _SMALL.match(given) or abs(float(given)) > _LARGEST_EXPONENT:
+            if not _SMALL.match(given) or abs(float(given)) > cap("exponent"):
                 raise UnitError(
                     f"'[{text}]' is not a known unit: it has the exponent {given}. "
-                    f"Exponents go up to {_LARGEST_EXPONENT}, as plain numbers with at most one decimal.{_intended(key)}"
+                    f"Exponents go up to {cap('exponent'):.0f}, as plain numbers with at most one decimal."
+                    f"{_intended(key)}{raising('exponent')}"
                 )
 
 
-_LONGEST = 80
-_LARGEST_EXPONENT = 20
 _EXPONENT = re.compile(r"\^([^*/()^]*)")
 _SMALL = re.compile(r"-?\d{1,2}(?:\.\d)?\Z", re.ASCII)
 # names with small powers, * / and parentheses: pint would compute a tower of powers, read raised digits as powers, and other text as code

@@ -12,8 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from .hooks import studio_pictures
 from .pages import ROOT
 
 pytestmark = pytest.mark.campaign
@@ -63,6 +65,18 @@ def browser() -> Iterator[Any]:
 def _asked(browser: Any) -> list[str]:
     messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
     return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+
+
+def test_the_pictures_of_the_studio_are_pictures(site: Path) -> None:
+    """Each is a view of a page, 400 px wide at least and with the colours of one; a card in its place has fewer of both."""
+    if shutil.which("chromium") is None or shutil.which("chromedriver") is None:
+        pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
+    image = pytest.importorskip("matplotlib.image")
+    for name in studio_pictures.names():
+        assert (site / name).read_bytes() != studio_pictures.missing(studio_pictures.PARTS[Path(name).stem][2]), name
+        pixels = image.imread(site / name)
+        assert pixels.shape[1] >= 400, name
+        assert len(np.unique((255 * pixels[::3, ::3, :3]).astype(np.uint8).reshape(-1, 3), axis=0)) > 100, name
 
 
 def test_search_answers_from_the_disk(site: Path, browser: Any) -> None:

@@ -151,7 +151,8 @@ class Workshop:
         return 0, out.getvalue(), err.getvalue()
 
     def _script(self, arguments: list[str]) -> tuple[int, str, str]:
-        done = subprocess.run([sys.executable, *arguments], cwd=self.folder, capture_output=True, text=True, check=False)
+        around = {**os.environ, "PYTHONWARNINGS": "error"}
+        done = subprocess.run([sys.executable, *arguments], cwd=self.folder, capture_output=True, text=True, check=False, env=around)
         return done.returncode, done.stdout, done.stderr
 
     def _other(self, words: list[str], where: str) -> None:

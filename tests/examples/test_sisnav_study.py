@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import sys
 from collections.abc import Iterator
@@ -13,8 +14,9 @@ from typing import Any
 import pytest
 
 from docs.pages import NUMBER, near
+from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.cli.summary import show_campaign
-from webpage import crossings, faults, limited, without_script
+from webpage import SMALLEST, crossings, faults, filled, limited, without_script
 
 pytestmark = [pytest.mark.campaign, pytest.mark.document]
 ROOT = Path(__file__).parents[2]
@@ -117,6 +119,31 @@ def test_V2_the_page_says_what_it_is(modules: dict[str, ModuleType], done: Any, 
     assert faults(text) == []
     print(f"page of the study: {len(text.encode()) / 1e6:.2f} MB")
     assert len(text.encode()) < 1_000_000
+
+
+@pytest.mark.parametrize(("audience", "most"), [("summary", 2), ("agency", 15), ("all", None)])
+def test_the_page_begins_with_its_answer_and_is_as_long_as_promised(
+    modules: dict[str, ModuleType], done: Any, tmp_path: Path, audience: str, most: int | None
+) -> None:
+    """First figure within 700 px at 1600 and on the first sheet; 6.5 pt and more; no sheet but the last under a quarter full."""
+    pytest.importorskip("selenium", reason="selenium is not installed (extra test)")
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
+    made = modules["page"].main(done, tmp_path / "report.html", audience)
+    first = "return document.querySelector('figure svg').getBoundingClientRect()"
+    with contextlib.closing(Page("file:")) as shown:
+        shown.driver.get(made.as_uri())
+        assert shown.run(first)["top"] <= 700
+        shown.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        size = {"width": 688, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        shown.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        shown.driver.get(made.as_uri())
+        assert shown.run(first)["bottom"] <= (297 - 34) / 25.4 * 96
+        assert [text for text in shown.run(SMALLEST) if text[1] < 6.5] == []
+    sheets = filled(modules["page"].main(done, tmp_path / "report.pdf", audience))
+    print(f"{audience}: {len(sheets)} sheets")
+    assert most is None or len(sheets) <= most
+    assert [round(share, 2) for share in sheets[:-1] if share < 0.25] == []
 
 
 def test_the_written_study_has_the_program_s_numbers(modules: dict[str, ModuleType], done: Any) -> None:

@@ -1,6 +1,6 @@
 """Mutants of every kind of file through what reads them: only the library's own errors, none above 5 s of processor time or 1 GB.
 
-``python -m torture.files python|commands|calls SECONDS SEED`` in the folder tests prints one JSON object: counts by kind, and findings.
+``python -m torture.files python|commands|calls SECONDS SEED [NUMBER]`` in the folder tests prints one JSON object.
 """
 
 from __future__ import annotations
@@ -161,4 +161,4 @@ def campaign(how: str, seconds: float, first: int, most: int = sys.maxsize) -> d
 
 if __name__ == "__main__":
     _limit()
-    sys.stdout.write(json.dumps(campaign(sys.argv[1], float(sys.argv[2]), int(sys.argv[3])), indent=1) + "\n")
+    sys.stdout.write(json.dumps(campaign(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), *map(int, sys.argv[4:])), indent=1) + "\n")

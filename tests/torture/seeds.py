@@ -24,6 +24,8 @@ from thermid.judge.verdict import look, looks_at
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.measure import read_plain
 from thermid.qualify.plan import lock_plan, lock_status
+from torture.elements import network
+from torture.mutants import _toml
 from unit.qualify.project import PLAN, project
 
 DECK = """title = "unit"
@@ -180,6 +182,30 @@ LIMITS = (
 )
 SENSORS = '[sensors.T1]\nrom = "2800003C0B1A0FCF"\nnote = "lid"\n[sensors.T1.certificate]\noffset = "0.1 [K]"\nuncertainty = "0.05 [K]"\ndate = "2026-01-01"\n'
 PROGRAMME = 'title = "step"\nend = "2 [h]"\nsteps = [{ at = "10 [min]", heater1 = "40 [%]" }, { at = "1 [h]", heater2 = 0.25 }]\n'
+ELEMENTS = 1167
+"""Seed of a network with coolers, streams, a duct, melts, controls and thermostats."""
+CUBE = """title = "cube"
+needs = ["space"]
+[nodes]
+cube = { mass = "0.3 [kg]", specific_heat = { value = "900 [J/(kg K)]", min = 800, max = 1000 } }
+[surfaces]
+nadir = { of = "cube", to = "space", area = "0.01 [m^2]", htc = 0, emissivity = 0.8, absorptance = 0.5 }
+zenith = { of = "cube", to = "space", area = "0.01 [m^2]", htc = 0, emissivity = 0.8, absorptance = 0.5 }
+"""
+ORBIT = """title = "low"
+start = "20 [degC]"
+duration = "30 [min]"
+environment = { "*" = { pressure = "0 [Pa]" } }
+boundaries = { space = "2.7 [K]" }
+[orbit]
+perigee = "300 [km]"
+planet = { radius = "6370 [km]", attraction = "3.982e14 [m^3/s^2]", solar = "1370 [W/m^2]" }
+albedo = 0.3
+infrared = "234 [W/m^2]"
+beta = 10
+begin = 20
+faces = { nadir = "nadir", zenith = "zenith" }
+"""
 SINDA = """HEADER NODE DATA, MAIN
 10, 20.0, 100.0
 20, 25.0, 50.0
@@ -214,6 +240,23 @@ def bench_log() -> bytes:
     return f"# thermid log {json.dumps(head)}\ntime [s],T1 [degC]\n0,20.0\n1,20.1\n2,20.2\n".encode()
 
 
+def binary(folder: Path) -> None:
+    """Write the same readings in binary files."""
+    import h5py
+    from scipy.io import netcdf_file, savemat
+
+    times = np.arange(0.0, 600.0, 30.0)
+    columns = {"time": times, "T_CASE": 20.0 + times / 100.0, "POWER": np.full(times.size, 2.0)}
+    with h5py.File(folder / "rig.h5", "w") as file:
+        for name, values in columns.items():
+            file.create_dataset(name, data=values, compression="gzip").attrs["units"] = {"time": "s", "POWER": "W"}.get(name, "degC")
+    savemat(folder / "rig.mat", columns, do_compression=True)
+    with netcdf_file(folder / "rig.nc", "w") as held:
+        held.createDimension("time", times.size)
+        for name, values in columns.items():
+            held.createVariable(name, "d", ("time",))[:] = values
+
+
 def make(folder: Path) -> None:
     """Write the project."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -225,6 +268,10 @@ def make(folder: Path) -> None:
     }  # fmt: skip
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    (folder / "elements.toml").write_text(_toml(network(ELEMENTS).deck), encoding="utf-8")
+    (folder / "cube.toml").write_text(CUBE, encoding="utf-8")
+    (folder / "orbit.toml").write_text(ORBIT, encoding="utf-8")
+    binary(folder)
     (folder / "rig.csv.gz").write_bytes(gzip.compress(rig().encode(), mtime=0))
     (folder / "bench.csv").write_bytes(bench_log())
     item = FittedValue("bolt.conductance", 0.25, 0.01, 0.005, True, "W/K", 0.3, (0.1, 1.0), "unit: bench")
@@ -241,6 +288,16 @@ def _run_deck(file: Path) -> None:
     model = td.load_model(file)
     bounds = dict.fromkeys(model.needs, "20 [degC]")
     td.simulate(model, td.Scenario("x", boundaries=bounds, start="20 [degC]", duration="10 [min]"), every="1 [min]")
+
+
+def _run_elements(file: Path) -> None:
+    model = td.load_model(file)
+    bounds = {n: "3 [K]" if n == "space" else "20 [degC]" for n in model.needs}
+    td.simulate(model, td.Scenario("x", boundaries=bounds, start="18 [degC]", duration="20 [min]"), every="2 [min]")
+
+
+def _run_orbit(file: Path) -> None:
+    td.simulate(td.load_model(file.parent / "cube.toml"), td.load_scenario(file), every="5 [min]")
 
 
 def _run_scenario(file: Path) -> None:
@@ -297,6 +354,16 @@ KINDS: Final[dict[str, Kind]] = {
             ("diagram", "{}", "--to", "out.svg", "--force"),
         ),
     ),
+    "deck of elements": Kind(
+        "elements.toml",
+        _run_elements,
+        (
+            ("check", "{}"),
+            ("simulate", "{}", "--boundary", "air=20", "--boundary", "space=3 [K]", "--start", "18", "--for", "10 [min]"),
+            ("diagram", "{}", "--to", "out.svg", "--force"),
+        ),
+    ),
+    "orbit": Kind("orbit.toml", _run_orbit, (("simulate", "cube.toml", "--scenario", "{}"),)),
     "scenario": Kind(
         "day.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"), ("steady", "unit.toml", "--scenario", "{}"))
     ),
@@ -317,8 +384,11 @@ KINDS: Final[dict[str, Kind]] = {
     "log": Kind("rig.csv", _record, (("look", "{}"), ("look", "{}", "--json"), ("settle", "{}"))),
     "packed log": Kind("rig.csv.gz", _record, (("look", "{}"),)),
     "log of a bench": Kind("bench.csv", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
-    "weather": Kind("weather.csv", _weather),
+    "log in HDF5": Kind("rig.h5", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
+    "log in MATLAB": Kind("rig.mat", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
+    "log in netCDF": Kind("rig.nc", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
+    "weather": Kind("weather.csv", _weather, (("simulate", "unit.toml", "--scenario", "pad.toml"),)),
     "trajectory": Kind("flight.csv", td.site.read_trajectory),
     "deck of SINDA": Kind("net.cc", lambda f: None, (("import", "{}", "--to", "imported", "--force"),)),
-    "script": Kind("tune.m", lambda f: read_initfcn(f)),
+    "script": Kind("tune.m", lambda f: read_initfcn(f), (("import", "{}"),)),
 }

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from torture import elements, hostile, logs, outputs
+
 TESTS = Path(__file__).parents[1]
 
 
@@ -22,3 +24,52 @@ def test_a_sample_of_mutants_ends_in_an_answer_or_an_error_of_the_library(how: s
     found = json.loads(run.stdout)
     assert found["findings"] == {}
     assert len(found["counts"]) >= 10
+
+
+def test_a_sample_of_every_kind_of_element_beside_radau() -> None:
+    found = elements.campaign(4, 1164)  # the last one has most kinds
+    assert found["findings"] == []
+    assert found["counts"]["right"] == 4
+    assert elements.judged(1169)[:2] == ("refused", "")  # wrong on purpose
+    assert {"Peltier", "supercooling", "duct", "thermostat of a load", "control by table", "carried_by", "orbit"} <= {*found["kinds"]}
+
+
+def test_an_error_in_a_network_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An oracle whose radiation is off by a hundredth does not agree: what finds nothing could find something."""
+    monkeypatch.setattr(elements, "SIGMA", 1.01 * elements.SIGMA)
+    for seed in (1161, 1166):
+        how, said, _ = elements.judged(seed)
+        assert (how, "K off at" in said) == ("wrong", True)
+
+
+def test_a_sample_of_hostile_requests() -> None:
+    pytest.importorskip("uvicorn", reason="the studio's extra is not installed")
+    pytest.importorskip("starlette", reason="the studio's extra is not installed")
+    found = hostile.campaign(60, 3)
+    assert found["findings"] == {}
+    assert found["counts"][200] >= 10
+
+
+@pytest.mark.campaign
+def test_five_hundred_networks_of_every_kind_of_element() -> None:
+    assert elements.campaign(500, 2000)["findings"] == []
+
+
+@pytest.mark.campaign
+def test_ten_thousand_hostile_requests() -> None:
+    found = hostile.campaign(10_000, 4)
+    assert found["findings"] == {}
+
+
+@pytest.mark.campaign
+def test_every_output_aimed_at_every_input() -> None:
+    found = outputs.campaign(3600.0)
+    assert found["findings"] == []
+    assert found["counts"]["aimed"] >= 4 * 17 * found["counts"]["outputs"]
+
+
+@pytest.mark.campaign
+def test_logs_and_signals() -> None:
+    found = logs.campaign(60.0, 1)
+    assert found["findings"] == []
+    assert sum(found["counts"].values()) > 40

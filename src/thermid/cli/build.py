@@ -188,7 +188,7 @@ def steady_state(
         for m in rows
     }
     content = {"held": settled.held, "warnings": list(settled.remarks), "nodes": nodes, "standing": standing.to_dict()}
-    say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines), verbose)
+    say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines), verbose or flows)
     leave(standing)
 
 

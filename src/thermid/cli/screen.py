@@ -56,8 +56,8 @@ def folded(line: str, columns: int) -> list[str]:
 def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
     """Return lines that fill at most so many lines of a terminal, and how many were left out.
 
-    First come the first and the last line and those that warn, then the heads of paragraphs (lines without indent), then the others in
-    turn: the first below each head, the second, and so on. They stand in their old order.
+    First come the first line, the last one where it has no indent, and those that warn; then the heads of paragraphs (lines without
+    indent), then the others in turn: the first below each head, the second, and so on. They stand in their old order.
 
     Parameters
     ----------
@@ -73,8 +73,9 @@ def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
     loud = {style: k for k, (style, _) in enumerate(STYLES[:2])}
     rank = [loud.get(severity(line), 2) for line in lines]
     full = [k for k, line in enumerate(lines) if line.strip()]
+    ends = {full[0], *(k for k in full[-1:] if depth[k] == 0)}
     room, kept = most - 1, set()
-    for k in sorted(full, key=lambda k: (k not in (full[0], full[-1]), rank[k], depth[k], k)):
+    for k in sorted(full, key=lambda k: (k not in ends, rank[k], depth[k], k)):
         rows = len(folded(lines[k], columns))
         if rows <= room:
             room -= rows

@@ -72,6 +72,7 @@ def init(
         "rmse_K": found.chosen.rmse,
         "assumed": found.assumed,
         "masked": masked,
+        "unexplained": found.unexplained,
         "fixed": list(made.fixed),
         "left_out": list(made.left_out),
         "files": [str(f) for f in made.files],

@@ -16,14 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError
+from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.expression import parse
 from thermid.files import read_text
 from thermid.model.parts.parameter import Parameter, parameter
 from thermid.units import DIMENSIONLESS, Dimension, describe, in_si, unit
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
-_LONGEST = 1_000_000
 PI = "3.141592653589793"
 _WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|(?P<name>[A-Za-z]\w*)|(?P<sign>\.?[*/^]|[-+()]))")
 _BRACKET = re.compile(r"\[([^\[\]]*)\]")
@@ -223,8 +222,10 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     ('0.054 [kg]', 'Mass')
     """
     text, file = _source(source)
-    if len(text) > _LONGEST:
-        raise ThermidError(f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes. Check the file.", file)
+    if len(text) > cap("script"):
+        raise ThermidError(
+            f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes. Check the file.{raising('script')}", file
+        )
     reader = _Reader(file)
     for statement in statements(text, file, {"pi": PI, "Inf": "inf"}):
         reader.take(statement)

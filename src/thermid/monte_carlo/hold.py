@@ -287,11 +287,18 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
 
     Raises
     ------
-    ScenarioError       When a limit is none, or so few members cannot tell such a probability.
+    ScenarioError       When a limit is none, or so few members, or so few that reached the end, cannot tell such a probability.
     NameNotFoundError   When a limited node was not kept.
     """
     wanted = limits_of(limits, runs.title)
-    check_members(runs.reached.size, confidence, runs.title)
+    check_members(len(runs), confidence, runs.title)
+    if runs.reached.size * (1.0 - confidence) < 1.0:
+        member, why = next(iter(runs.failed.items()))
+        raise ScenarioError(
+            f"{runs.reached.size} of {len(runs)} members reached the end of the run, too few for {100 * confidence:g} %. "
+            f"Member {member} did not: {why}",
+            runs.title,
+        )
     draws = {n: v[runs.reached] for n, v in runs.draws.items()}
     points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))

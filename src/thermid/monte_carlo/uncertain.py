@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
-from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.knowledge.store import Choice, LeftOut, Source, model_standing
 from thermid.knowledge.values import FittedValues
@@ -125,10 +125,6 @@ def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
 
 
 Progress = Callable[[int, int], None]
-
-
-MOST_MEMBERS = 10_000_000
-"""Members of a campaign of runs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,8 +309,8 @@ def uncertain_runs(
     ScenarioError       When a spread is none, a value is spread twice, or there is no such cluster.
     NameNotFoundError   When a name does not exist.
     """
-    if n > MOST_MEMBERS:
-        raise ScenarioError(f"{n} members are too many; at most {MOST_MEMBERS:,} are run.", model.title)
+    if n > cap("members"):
+        raise ScenarioError(f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}", model.title)
     if n < 1 or workers < 1:
         raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
     job, remarks = plan_runs(

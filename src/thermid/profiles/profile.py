@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any, Final
 
-from thermid.errors import ScenarioError, ThermidError, look_up, nearest, refuse_unknown
+from thermid.errors import ScenarioError, ThermidError, cap, look_up, nearest, raising, refuse_unknown
 from thermid.extensions import by_grammar
 from thermid.files import PROFILE, write_text
 from thermid.measure.record.steadiness import rule_of
@@ -21,7 +21,6 @@ from thermid.sourced import check_mark, weakest
 from thermid.toml_files import Places
 from thermid.units import TEMPERATURE
 
-MOST_CYCLES: Final = 10_000
 SLOTS: Final[Mapping[str, str]] = {
     "hot": TEMPERATURE,
     "cold": TEMPERATURE,
@@ -406,8 +405,8 @@ class ThermalProfile(Result):
         """
         wanted = self.value("cycles")
         count = int(wanted) if math.isfinite(wanted) else 0
-        if count > MOST_CYCLES:
-            raise ScenarioError(f"{count:g} cycles are too many to write out; at most {MOST_CYCLES}.", self.title)
+        if count > cap("cycles"):
+            raise ScenarioError(f"{count:g} cycles are too many to write out; at most {cap('cycles'):.0f}.{raising('cycles')}", self.title)
         if count < 1 or count != self.value("cycles"):
             raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
         if not self.plan:

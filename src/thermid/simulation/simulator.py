@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
-from thermid.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Distribution
 from thermid.linear_algebra import Array
@@ -31,7 +31,6 @@ from thermid.simulation.solver.wiring import Wiring
 from thermid.units import TEMPERATURE
 
 DEFAULT_SAMPLES = 301
-MOST_SAMPLES = 10_000_000
 
 
 def network_for(model: Model, scenario: Scenario) -> Network:
@@ -64,9 +63,10 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
     if not step > 0:
         raise ScenarioError("the interval of output must be above zero.", scenario.title)
-    if scenario.seconds / step > MOST_SAMPLES:
+    if scenario.seconds / step > cap("outputs"):
         raise ScenarioError(
-            f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {MOST_SAMPLES:,}. Give a longer one.",
+            f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {cap('outputs'):,.0f}. "
+            f"Give a longer one.{raising('outputs')}",
             scenario.title,
         )
     # a whole number of intervals may miss the duration, or pass it, by rounding
@@ -104,6 +104,12 @@ def prepare(
     wanted = output_times(scenario, every, times)
     network = network_for(model, scenario)
     names = tuple(_free_name(network, n) for n in free)
+    if wanted.size * len(network.nodes) > cap("stored"):
+        raise ScenarioError(
+            f"{wanted.size:,} times of {len(network.nodes)} nodes are {wanted.size * len(network.nodes):.3g} temperatures to store, of at "
+            f"most {cap('stored'):.3g}. Give a longer interval.{raising('stored')}",
+            scenario.title,
+        )
     wiring = Wiring(network, scenario, names)
     return Simulator(model.title, wiring, Engine(wiring), wanted, options or Options())
 

@@ -225,6 +225,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
         "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
     ]
     head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
+    head += [proposal.unexplained] if proposal.unexplained else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)

@@ -31,6 +31,8 @@ PACES = (0.03, 0.15, 0.6)
 """Time constants that a fit is begun with, in parts of the log. [-]"""
 UNSAID = ("direction", "commands that act")
 """Changes that a first project does not have: a coupling with a direction is left to `improve`, a delay cannot be said in a campaign."""
+UNEXPLAINED, NOISES = 0.2, 3.0
+"""Residuals above this share of the spread of the readings, and above so many noises, mean that no structure explains a log. [-]"""
 MOST_PLACEMENTS = 9
 """Ways to place powers in parts that are tried."""
 CONTACTS = (0.3, 10.0)
@@ -59,6 +61,21 @@ class Proposal:
         """The proposed structure."""
         return self.search.proposed
 
+    @property
+    def unexplained(self) -> str:
+        """That no structure explains the log, and what to log; empty where one does."""
+        one = self.chosen
+        readings = [o.measured for e in one.problem.experiments for o in e.observations]
+        spread = float(np.sqrt(np.mean([np.var(values) for values in readings])))
+        # the usual residual, which single readings that leap do not move
+        left = 1.4826 * max(float(np.median(np.abs(b.residuals))) for b in one.problem.blocks(one.end.fitted))
+        if left <= max(UNEXPLAINED * spread, NOISES * max(self.noise.values())):
+            return ""
+        found = f"No structure explains this log: its residuals are {100.0 * left / spread:.0f} % of the spread of the readings. "
+        if not self.roles.powers:
+            return f"{found}It has no power; log every power that heats a part."
+        return f"{found}Log every power that heats a part and the temperature of the surroundings, and check what each column is."
+
     def __str__(self) -> str:
         """Return the answer first, then what was tried and what the log cannot tell."""
         one = self.chosen
@@ -67,6 +84,7 @@ class Proposal:
         lines = [f"{one.nodes} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
         if len(orders) > 1:
             lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
+        lines[1:1] = [self.unexplained] if self.unexplained else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
         return "\n".join([*lines, str(self.search)])
 

@@ -26,7 +26,7 @@ from thermid.qualify.trial import run_test
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
-from thermid.studio.curves import Window, thinned_curve
+from thermid.studio.curves import Window, texts_of, thinned_curve
 from thermid.studio.desk import Desk
 from thermid.toml_files import project_root, read_toml
 
@@ -132,7 +132,10 @@ def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
     numbers = asked.get("numbers", {})
     if not isinstance(numbers, Mapping) or not all(isinstance(v, str) for v in numbers.values()):
         raise ScenarioError("give numbers as texts by name.", course.title)
-    predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
+    try:
+        predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
+    except ValueError:
+        raise ScenarioError(f"give the predicted temperatures as numbers, not {ends[0]!r} and {ends[1]!r}.", course.title) from None
     changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in numbers.items() if v.strip()}
     return profile.with_(predicted=predicted, **changed)
 
@@ -262,7 +265,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     state = str(asked.get("state") or "operating")
     run: ProfileRun | None = None
     if course.kind == "profile":
-        chamber = [str(c) for c in asked.get("chamber") or desk.boundaries]
+        chamber = list(texts_of(asked, "chamber") or desk.boundaries)
         run = run_profile(desk.tuned(values), profile_for(course, asked), chamber=chamber, base=str(asked.get("base") or ""), told=told)
         solution, scenario = run.solution, run.scenario
     else:

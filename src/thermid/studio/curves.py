@@ -80,6 +80,19 @@ def thinned_curve(times: Array, values: Array, window: Window = None, points: in
     return times[kept], values[kept]
 
 
+def texts_of(asked: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the texts of a list that a page gives.
+
+    Raises
+    ------
+    DeckError   When it is no list of texts.
+    """
+    several = asked.get(key) or ()
+    if not isinstance(several, list | tuple) or not all(isinstance(one, str) for one in several):
+        raise DeckError(f"'{key}' is no list of texts.", "studio")
+    return tuple(several)
+
+
 def window_of(asked: Mapping[str, Any]) -> Window:
     """Return the stretch that a page shows, or None for all of it. [s]
 

@@ -122,6 +122,7 @@ class Desk:
     def _laid(self, model: Model, values: Mapping[str, float]) -> Model:
         """Return a model with values of sliders laid over it, in every instance that moves with them."""
         sliders = {s.path: s for s in self.sliders}
+        refuse_unknown(values, sliders, self.title, "there is no slider '{}'.", NameNotFoundError)
         texts = {p: f"{v!r} [{sliders[path].unit}]" for path, v in values.items() for p in (path, *sliders[path].also)}
         return model.with_values(texts, "tuned by hand")
 

@@ -15,7 +15,7 @@ from thermid.knowledge.store import model_standing
 from thermid.linear_algebra import Array
 from thermid.reporting.pages.views import clean, swap_object
 from thermid.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.studio.curves import RunCurves, ThinnedCurve, Window, window_of
+from thermid.studio.curves import RunCurves, ThinnedCurve, Window, texts_of, window_of
 from thermid.studio.desk import Desk
 from thermid.studio.follow import Follower
 from thermid.studio.project import Project
@@ -63,7 +63,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
         "curves": curves,
         "picture": lambda b: picture(project.desk(_text(b, "stage")), _values(b), b),
         "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
-        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), tuple(map(str, b.get("free", ())))),
+        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), texts_of(b, "free")),
         "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
         "profile": profile,
         "scenario": lambda b: work.scenario(_text(b, "stage"), _text(b, "course"), _values(b), b),
@@ -152,10 +152,10 @@ def _curve(curve: ThinnedCurve, without: ThinnedCurve | None, measured: bool) ->
 
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return the model as SVG at a time of one of its runs, submodels folded as asked."""
-    folded = tuple(map(str, asked.get("folded", ())))
+    folded = texts_of(asked, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
     time, run = asked.get("time"), asked.get("run", 0)
-    if not isinstance(run, int) or not (time is None or isinstance(time, int | float)):
+    if not isinstance(run, int) or isinstance(run, bool) or not (time is None or isinstance(time, int | float)):
         raise DeckError("give a run as a whole number and a time as a number.", "studio")
     return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
 

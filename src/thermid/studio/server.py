@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from thermid.errors import DeckError, MissingExtraError, ThermidError
+from thermid.errors import DeckError, MissingExtraError, ThermidError, cap, raising
 from thermid.extensions import missing
+from thermid.grammar import endless
 from thermid.studio.follow import Follower
 from thermid.studio.orders import as_json, orders, questions
 from thermid.studio.project import Project
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from starlette.applications import Starlette
     from starlette.requests import Request
     from starlette.responses import Response
+    from uvicorn import Config
 
 HOSTS = ("127.0.0.1", "localhost")
 POLICY = (
@@ -29,8 +32,10 @@ POLICY = (
 """Nothing from elsewhere, no script in the page; the picture of the model brings its own style element."""
 GUARD = "x-thermid-studio"
 """A header that a page of another origin cannot send without being asked first, and is then refused."""
-LARGEST_BODY = 1_000_000
-"""Bytes of a request: the page sends values of sliders, a few kilobytes."""
+PATIENCE: Final = 10.0
+"""Time in which a connection must bring the headers of a request, and then its body. [s]"""
+CROWD: Final = 4
+"""Open connections for each that the studio answers at once, beyond which one more is closed."""
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
 
@@ -69,17 +74,25 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
 
         async def endpoint(request: Request) -> Response:
             from starlette.concurrency import run_in_threadpool
+            from starlette.requests import ClientDisconnect
 
             if request.headers.get(GUARD) != "1":
                 return _refused("requests that change something must come from the studio's page.")
             try:
                 body = json.loads(await _body(request))
             except OverflowError:
-                return _refused(f"the body has more than {LARGEST_BODY / 1e6:.0f} MB.", 413)
+                return _refused(f"the body has more than {cap('body') / 1e6:.3g} MB.{raising('body')}", 413)
+            except ClientDisconnect:
+                return _refused("the connection was closed before the body came.")
+            except TimeoutError:
+                return _refused(f"the body did not come within {PATIENCE:g} s.", 408)
             except (ValueError, RecursionError):
                 return _refused("the body is not JSON.")
             if not isinstance(body, dict):
                 return _refused("the body is not a JSON object.")
+            fault = endless(body)
+            if fault:
+                return _refused(f"{fault[0]}: {fault[1]}")
 
             def locked() -> Response:
                 with lock:
@@ -146,12 +159,14 @@ async def _body(request: Request) -> bytes:
     Raises
     ------
     OverflowError   As soon as it is larger than anything that the page sends.
+    TimeoutError    When it comes by drops.
     """
     body = bytearray()
-    async for part in request.stream():
-        body += part
-        if len(body) > LARGEST_BODY:
-            raise OverflowError
+    async with asyncio.timeout(PATIENCE):
+        async for part in request.stream():
+            body += part
+            if len(body) > cap("body"):
+                raise OverflowError
     return bytes(body)
 
 
@@ -203,5 +218,64 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     listener.listen()
     if ready is not None:
         ready(f"http://127.0.0.1:{taken}/")
-    server = uvicorn.Server(uvicorn.Config(application(project, taken, log), log_level="warning", access_log=False))
+    server = uvicorn.Server(limited(application(project, taken, log), log_level="warning"))
     server.run(sockets=[listener])
+
+
+def limited(app: Any, **more: Any) -> Config:
+    """Return the settings of a server with the studio's limits: of headers, of requests at once, of connections and of their silence.
+
+    Parameters
+    ----------
+    app : ASGI application
+    more : dict     Further settings of uvicorn.
+    """
+    import uvicorn
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    clients = int(cap("clients"))
+
+    class PatientProtocol(H11Protocol):
+        """A connection that is closed when no request comes of it."""
+
+        waited: asyncio.TimerHandle | None = None
+
+        def connection_made(self, transport: Any) -> None:
+            """Begin to wait; where too many are open, close at once."""
+            super().connection_made(transport)
+            if len(self.connections) > CROWD * clients:
+                transport.close()
+                return
+            self._wait()
+
+        def data_received(self, data: bytes) -> None:
+            """Wait on from the first byte of the next request, not from each."""
+            if self.waited is None and self._idle():
+                self._wait()
+            super().data_received(data)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            """Wait for nothing more."""
+            if self.waited is not None:
+                self.waited.cancel()
+            super().connection_lost(exc)
+
+        def _idle(self) -> bool:
+            return self.cycle is None or self.cycle.response_complete
+
+        def _wait(self) -> None:
+            self.waited = self.loop.call_later(PATIENCE, self._over)
+
+        def _over(self) -> None:
+            self.waited = None
+            if self._idle() and not self.transport.is_closing():
+                self.transport.close()
+
+    return uvicorn.Config(
+        app,
+        http=PatientProtocol,
+        ws="none",
+        h11_max_incomplete_event_size=int(cap("headers")),
+        limit_concurrency=clients,
+        **{"access_log": False} | more,
+    )

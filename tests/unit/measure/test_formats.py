@@ -69,12 +69,12 @@ def test_every_sample_of_a_binary_format_is_refused_when_it_is_cut_short(log):
 
 
 def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
-    from thermid.measure.readers import binary
+    from thermid import extensions
 
     def absent(name: str) -> object:
         raise ImportError(name)
 
-    monkeypatch.setattr(binary, "import_module", absent)
+    monkeypatch.setattr(extensions, "import_module", absent)
     with pytest.raises(ThermidError, match=r"'npTDMS', which is not installed. Install with: .* -m pip install npTDMS"):
         read_record(log(b"TDSm" + bytes(40), "x.tdms"), {"a": "b"})
 

@@ -141,6 +141,16 @@ def command(*words: object) -> int:
     return int(left.value.code or 0)
 
 
+def test_members_that_do_not_reach_the_end_are_counted_with_a_reason(folder: Path) -> None:
+    """'0 members are too few for 95 %' of forty, none of which reached the end: the power grows faster than what leaves."""
+    runs_away = 'heater = { into = "body", power = "10 [W]", exponential_coefficient = "0.5 [1/K]", reference_temperature = "20 [degC]" }'
+    text = (folder / "plate.toml").read_text(encoding="utf-8")
+    (folder / "plate.toml").write_text(text.replace('heater = { into = "body", power = "10 [W]" }', runs_away), encoding="utf-8")
+    said = r"0 of 40 members reached the end of the run, too few for 95 %\. Member 0 did not: .*rises without limit"
+    with pytest.raises(ScenarioError, match=said):
+        asked(folder, QUESTION.replace("400", "40"))
+
+
 def test_the_command_prints_one_object_and_progress_beside_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("hold", folder / "hold.toml", "--json", "--figure", folder / "hold.png") == 0
     said = capsys.readouterr()

@@ -9,7 +9,6 @@ from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import thermid as td
@@ -18,6 +17,7 @@ from thermid.campaign.stages import Campaign
 from thermid.reporting.blocks.content import Formulas, Section
 from thermid.reporting.blocks.numbering import AUDIENCES
 from thermid.reporting.pages.campaign import report
+from webpage import SMALLEST, filled
 
 EVIL = "\"><script>window.caught=1</script><img src=x onerror='window.caught=2'> ' & </style></svg> {{ 7*7 }} "
 NAMES = (EVIL, "W" * 180, "مستشعر درجة الحرارة", "\u202egnp.exe", "温度センサー", "a.very.long.path" * 9)
@@ -244,18 +244,6 @@ def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
     assert int(max(re.findall(rb"/Count (\d+)", data), key=int)) > 3
 
 
-SMALLEST = """
-const out = new Map(), walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-for (let n = walk.nextNode(); n; n = walk.nextNode()) {
-  const e = n.parentElement;
-  if (!n.textContent.trim() || !e.checkVisibility() || e.closest('script, style, title, .vh, sub, sup, math, .skip')) continue;
-  const scale = e.ownerSVGElement ? Math.hypot(e.getScreenCTM().a, e.getScreenCTM().b) : 1;
-  out.set(`${e.tagName} ${n.textContent.trim().slice(0, 30)}`, 0.75 * scale * parseFloat(getComputedStyle(e).fontSize));
-}
-return [...out].sort((a, b) => a[1] - b[1]).slice(0, 5);"""
-"""Texts with their size on paper [pt], the smallest first."""
-
-
 @pytest.fixture(scope="module")
 def readers(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("readers")
@@ -290,18 +278,6 @@ def test_each_reader_gets_a_pdf_of_the_promised_length(readers: dict[str, Path],
     assert 1 <= len(re.findall(rb"/Type /Page\b(?!s)", made.read_bytes())) <= most
     shares = filled(made)
     assert [round(share, 2) for share in shares[:-1] if share < 0.25] == []
-
-
-def filled(pdf: Path) -> list[float]:
-    """Return of every sheet the part of its height down to its last mark; heads and feet are left out."""
-    pdfium = pytest.importorskip("pypdfium2", reason="pypdfium2 is not installed (extra test)")
-    out = []
-    for sheet in pdfium.PdfDocument(pdf):
-        grey = np.asarray(sheet.render(scale=0.5, grayscale=True).to_numpy()).squeeze()
-        high = grey.shape[0]
-        rows = np.flatnonzero((grey[int(0.062 * high) : int(0.945 * high)] < 250).any(axis=1))
-        out.append(float(rows.max() / (0.883 * high)) if rows.size else 0.0)
-    return out
 
 
 def test_formulas_look_the_same_where_no_font_for_them_is_installed(browser: Page, tmp_path: Path) -> None:

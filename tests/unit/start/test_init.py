@@ -133,6 +133,18 @@ def test_a_log_in_which_nothing_moves_is_declined(tmp_path: Path) -> None:
     assert "changes by more than its noise" in found["message"]
 
 
+def test_a_log_without_its_power_is_explained_by_no_structure(tmp_path: Path) -> None:
+    log = bench(tmp_path / "test.csv")
+    made = run("init", str(log), "--to", str(tmp_path / "p"), "--power", "P_heater_W=plate", "--seconds", "5")
+    assert made["unexplained"] == ""
+    rows = [row.rpartition(",")[0] for row in log.read_text().splitlines()]
+    log.write_text("\n".join(rows) + "\n")
+    made = run("init", str(log), "--to", str(tmp_path / "q"), "--name", "plate", "--seconds", "5")
+    assert made["unexplained"].startswith("No structure explains this log: its residuals are ")
+    assert "It has no power" in made["unexplained"]
+    assert made["unexplained"] in (tmp_path / "q" / "plate.toml").read_text()
+
+
 def test_roles_by_names_units_and_by_hand(tmp_path: Path) -> None:
     log = bench(tmp_path / "test.csv")
     roles = roles_of(log)

@@ -18,8 +18,9 @@ pytest.importorskip("starlette", reason="the studio's extra is not installed")
 import uvicorn
 
 from thermid.errors import DeckError
+from thermid.studio import server as serving
 from thermid.studio.project import Project
-from thermid.studio.server import application, serve
+from thermid.studio.server import application, limited, serve
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 EVIL = '"><script>alert(1)</script><b x="'
@@ -38,7 +39,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     listener.bind(("127.0.0.1", 0))
     listener.listen()
     taken = listener.getsockname()[1]
-    server = uvicorn.Server(uvicorn.Config(application(Project(root / "deck.toml"), taken), log_level="error"))
+    server = uvicorn.Server(limited(application(Project(root / "deck.toml"), taken), log_level="error"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     yield taken
@@ -162,6 +163,53 @@ def test_a_taken_port_is_said(port: int) -> None:
 
 def test_a_body_beyond_measure_is_not_read(port: int) -> None:
     status, _, text = asked(port, "/api/fit", '{"stage": "' + "x" * 2_000_000 + '"}')
-    assert (status, json.loads(text)["error"]) == (413, "the body has more than 1 MB.")
+    said = "the body has more than 1 MB. The cap 'body' is 1e+06; the environment variable THERMID_CAPS=body=NUMBER raises it."
+    assert (status, json.loads(text)["error"]) == (413, said)
     status, _, text = asked(port, "/api/fit", "[" * 100_000)
     assert (status, json.loads(text)["error"]) == (400, "the body is not JSON.")
+
+
+def raw(port: int, data: bytes, more: bytes = b"") -> bytes:
+    """Return the first line of the answer to some bytes; nothing where the studio closes without a word."""
+    with socket.create_connection(("127.0.0.1", port), timeout=20) as s:
+        s.sendall(data)
+        if more:
+            s.sendall(more)
+        return s.recv(1000).partition(b"\r\n")[0]
+
+
+def test_who_brings_no_request_in_time_is_let_go(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A connection that stays silent, headers without an end, a body by drops, headers beyond measure."""
+    monkeypatch.setattr(serving, "PATIENCE", 0.3)
+    host = f"host: 127.0.0.1:{port}\r\n".encode()
+    begun = b"POST /api/fit HTTP/1.1\r\n" + host
+    assert raw(port, b"") == b""
+    assert raw(port, begun + b"x-") == b""
+    assert raw(port, begun + b"x-thermid-studio: 1\r\ncontent-length: 100\r\n\r\n", b'{"st').startswith(b"HTTP/1.1 408")
+    assert raw(port, begun + b"x-long: " + b"y" * 60_000 + b"\r\n\r\n").startswith(b"HTTP/1.1 400")
+
+
+def test_more_at_once_than_the_studio_answers_wait_for_another_time(port: int) -> None:
+    """32 connections that say nothing; the next one is told that the service is not there, and works once they are gone."""
+    silent = [socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(32)]
+    assert asked(port, "/api/job")[0] == 503
+    for each in silent:
+        each.close()
+    assert any(asked(port, "/api/job")[0] == 200 for _ in range(50))
+
+
+@pytest.mark.parametrize(
+    ("order", "body", "message"),
+    [
+        ("curves", {"stage": "deck", "window": [0, 10**400]}, "too many digits"),
+        ("picture", {"stage": "deck", "folded": 3}, "'folded' is no list of texts"),
+        ("picture", {"stage": "deck", "values": {"file": 1.0}}, "there is no slider 'file'"),
+        ("fit", {"stage": "deck", "free": 1.5}, "'free' is no list of texts"),
+        ("curves", {"values": [[[0]]] * 2 + [json.loads("[" * 80 + "]" * 80)]}, "nested too deeply"),
+    ],
+)
+def test_what_a_hostile_client_made_of_an_order_is_answered_in_words(port: int, order: str, body: Any, message: str) -> None:
+    stage = json.loads(asked(port, "/api/project")[2])["stages"][0]["name"]
+    status, _, text = asked(port, f"/api/{order}", body | ({"stage": stage} if "stage" in body else {}))
+    assert status in (200, 400)
+    assert message in json.loads(text)["error"]

@@ -19,10 +19,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import counted
 
-LARGEST: Final = 50_000_000
-"""Bytes that one file of a deck may have; Thermal Desktop's largest public ones have 0.5 MB."""
-DEEPEST: Final = 16
-"""Files that include each other, one inside the other."""
 GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}
 """A factor of all conductors that one statement of the deck's author made: what an analyst correlates."""
 STEP: Final = 1e-9

@@ -241,8 +241,8 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         (head, _), *rest = fields(line)
         word, _, first = head.partition(" ")
         kind = word.upper() if first else ""
-        cells = [(first.strip(), rest[0][1]), *rest] if kind else [(head, line.where), *rest]
         try:
+            cells = [(first.strip(), rest[0][1]), *rest] if kind else [(head, line.where), *rest]
             if kind == "":
                 deck.nodes.append(_node(deck, submodel, line, cells))
             elif kind == "GEN":

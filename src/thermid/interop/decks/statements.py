@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from thermid.errors import DeckError, ThermidError
+from thermid.errors import DeckError, ThermidError, cap, raising
 from thermid.expression import parse
 from thermid.files import read_bytes
-from thermid.interop.decks.network_file import DEEPEST, LARGEST, DeckRemark, TextSpan, fortran, identifier
+from thermid.interop.decks.network_file import DeckRemark, TextSpan, fortran, identifier
 
 ABSOLUTE_ZERO: Final = -273.15
 """0 K in degC."""
@@ -47,11 +47,11 @@ class DeckReading:
         """
         if not path.is_file():
             raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", asked or str(path))
-        if path in inside or len(inside) >= DEEPEST:
+        if path in inside or len(inside) >= cap("includes"):
             chain = " -> ".join(each.name for each in (*inside, path))
-            raise DeckError(f"files include each other endlessly: {chain}.", asked)
-        if path.stat().st_size > LARGEST:
-            raise DeckError(f"the file has more than {LARGEST // 1_000_000} MB. Split it into include files.", str(path))
+            raise DeckError(f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}", asked)
+        if path.stat().st_size > cap("deck"):
+            raise DeckError(f"the file has more than {cap('deck') / 1e6:.0f} MB. Split it into include files.{raising('deck')}", str(path))
         text = read_bytes(path).decode("latin-1")
         if "\0" in text:
             raise DeckError("this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path))

@@ -17,7 +17,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.errors import RecordError, UnitError
+from thermid.errors import RecordError, UnitError, cap, raising
 from thermid.extensions import optional
 from thermid.measure.readers.columns import spelt
 from thermid.measure.readers.matlab_objects import objects_of, series_of
@@ -36,6 +36,7 @@ _DAMAGE: Final = (
     AttributeError,
     EOFError,
     LookupError,
+    MemoryError,
     NameError,
     NotImplementedError,
     OSError,
@@ -49,6 +50,26 @@ _DAMAGE: Final = (
 
 Vectors = dict[str, tuple[Any, str]]
 """Name -> samples (samples,), unit as text; both empty where unknown."""
+
+
+def _small(size: float, file: str) -> None:
+    """Refuse what unpacks to more than a machine should have to hold.
+
+    Raises
+    ------
+    RecordError   With the cap.
+    """
+    if size > cap("unpacked"):
+        raise RecordError(f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file)
+
+
+def _inflated(data: bytes, most: int) -> int:
+    """Return the length of what zlib packed, counted no further than just beyond `most`."""
+    engine, out = zlib.decompressobj(), 0
+    while out <= most and data and not engine.eof:
+        out += len(engine.decompress(data, 1 << 20))
+        data = engine.unconsumed_tail
+    return out
 
 
 def tdms(data: bytes, file: str, separator: str | None) -> Cells:
@@ -146,13 +167,29 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
     from scipy.io.matlab import MatReadError, MatReadWarning
 
     try:
+        _small(_matlab_size(data), file)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
             held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
+    except RecordError:
+        raise
     except (MatReadError, *_DAMAGE) as error:
         raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
     opaque = any("MatlabOpaque" in type(value).__name__ for value in held.values())
     return of_variables(held, file, _of_series(objects_of(data, file), file) if opaque else {})
+
+
+def _matlab_size(data: bytes) -> int:
+    """Return the bytes of a MATLAB file of version 5 when unpacked, counted no further than just beyond the cap."""
+    if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
+        return len(data)
+    order, at, out = "<" if data[126:128] == b"IM" else ">", 128, 128
+    while at + 8 <= len(data) and out <= cap("unpacked"):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        packed = kind == 15  # miCOMPRESSED
+        out += _inflated(data[at + 8 : at + 8 + size], int(cap("unpacked"))) if packed else 8 + size
+        at += 8 + size + (0 if packed else -size % 8)
+    return out
 
 
 def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
@@ -296,10 +333,14 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     """
     library = optional("h5py", "this kind of file", file)
     vectors: Vectors = {}
+    unpacked = 0
 
     def visit(name: str, item: Any) -> None:
+        nonlocal unpacked
         if not isinstance(item, library.Dataset) or "#" in name or item.ndim == 0 or item.size < 2:
             return
+        unpacked += item.size * item.dtype.itemsize
+        _small(unpacked, file)
         values = np.squeeze(item[()])
         unit = next((_plain(item.attrs[key]) for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
         if item.dtype.names:
@@ -313,6 +354,8 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     try:
         with library.File(io.BytesIO(data), "r") as opened:
             opened.visititems(visit)
+    except RecordError:
+        raise
     except _DAMAGE as error:
         raise RecordError(f"the HDF5 file is damaged or cut short ({error}).", file) from None
     kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
@@ -360,7 +403,7 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     """
     try:
         if data[:2] == b"PK":
-            zipfile.ZipFile(io.BytesIO(data)).namelist()
+            _small_workbook(zipfile.ZipFile(io.BytesIO(data)), file)
     except zipfile.BadZipFile:
         raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file) from None
     library = optional("python_calamine", "this kind of file", file)
@@ -380,6 +423,40 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     return Cells(
         file, cells.header, cells.columns, cells.lines, (*cells.notes, *notes), cells.synthetic, commas=cells.commas, layout=layout
     )
+
+
+_CELL: Final = re.compile(rb'\br="([A-Z]{1,3})(\d{1,7})"')
+SPARSE: Final = 50
+"""Bytes of memory that each place of a sheet takes, empty ones too, between its first cell and its last."""
+
+
+def _small_workbook(book: zipfile.ZipFile, file: str) -> None:
+    """Refuse a workbook that unpacks to too much, or whose last cell stands so far out that the empty ones before it would."""
+    most = int(cap("unpacked"))
+    _small(sum(part.file_size for part in book.infolist()), file)
+    for part in book.infolist():
+        if not part.filename.startswith("xl/worksheets/"):
+            continue
+        with book.open(part) as sheet:
+            text = sheet.read(most + 1)
+        _small(len(text), file)
+        wide = high = 0
+        for column, row in _CELL.findall(text):
+            high = max(high, int(row))
+            wide = max(wide, _column(column))
+        _small(SPARSE * wide * high, file)
+
+
+def _column(letters: bytes) -> int:
+    """Return the number of a column, from 1.
+
+    >>> _column(b"A"), _column(b"AA")
+    (1, 27)
+    """
+    number = 0
+    for letter in letters:
+        number = 26 * number + letter - 64
+    return number
 
 
 def _numbers(rows: Sequence[Sequence[Any]]) -> int:

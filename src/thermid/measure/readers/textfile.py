@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from thermid import files
-from thermid.errors import MissingDataError, RecordError, nearest
+from thermid.errors import MissingDataError, RecordError, cap, nearest, raising
 from thermid.measure.record.sensor import SensorCertificate
 from thermid.units import counted
 
@@ -24,8 +24,6 @@ MISSING: Final = frozenset(
 """Cells that stand for a missing number or for the overload of an instrument, in any case of letters. A dash is none: in real logs it
 shows columns that have slipped."""
 
-LARGEST_UNPACKED: Final = 200_000_000
-"""Bytes that a packed log may have: some megabytes can hold what no memory does."""
 _SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 _LOOKED_AT = 500
 _TIMELY: Final = re.compile(r"\d:[0-5]\d|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
@@ -371,12 +369,14 @@ def read_bytes(place: Path) -> bytes:
     if data[:2] == b"\x1f\x8b":
         try:
             with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-                data = packed.read(LARGEST_UNPACKED + 1)
+                data = packed.read(int(cap("unpacked")) + 1)
         except (EOFError, OSError, zlib.error) as error:
             raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
-        if len(data) > LARGEST_UNPACKED:
+        if len(data) > cap("unpacked"):
             raise RecordError(
-                f"it unpacks to more than {LARGEST_UNPACKED / 1e6:.0f} MB. If that is right, unpack it and give the plain file.", place.name
+                f"it unpacks to more than {cap('unpacked') / 1e6:.0f} MB. If that is right, unpack it and give the plain file."
+                f"{raising('unpacked')}",
+                place.name,
             )
     return data
 

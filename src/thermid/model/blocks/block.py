@@ -10,14 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.errors import DeckError, NameNotFoundError, refuse_unknown
+from thermid.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
 from thermid.linear_algebra import Array, Ints
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import Constant, Signal, literal, signal
 from thermid.model.tree.model import Model
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")
-MOST_CELLS: Final = 20_000
 """Cells of a block that is made a model."""
 CELL: Final = re.compile(r"cell\[(\d+),\s*(\d+),\s*(\d+)\]\Z")
 _NAME: Final = re.compile(r"[A-Za-z]\w*\Z")
@@ -342,9 +341,10 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
     ------
     DeckError   When the block has too many cells, or a power that changes in time.
     """
-    if block.count > MOST_CELLS:
+    if block.count > cap("cells"):
         raise DeckError(
-            f"a model of {block.count} cells would be slow; the limit is {MOST_CELLS}. Simulate the block itself, or use fewer cells.",
+            f"a model of {block.count} cells would be slow; the limit is {cap('cells'):.0f}. "
+            f"Simulate the block itself, or use fewer cells.{raising('cells')}",
             block.title,
         )
     for name, heater in block.heaters.items():

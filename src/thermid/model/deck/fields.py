@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
+from pydantic_core import PydanticCustomError
 
+from thermid.errors import cap, raising
 from thermid.grammar import Real, StrictTable, or_instance, reads
 from thermid.model.laws.curves import Curve, curve
 from thermid.model.laws.options import Source
@@ -142,9 +145,15 @@ class AirAndSees(StrictTable):
     sees: str
 
 
-MOST = 10_000
-"""Instances of one array."""
-Count: TypeAlias = Annotated[int, Field(strict=True, ge=1, le=MOST)]
+Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
+
+
+def _few(count: Any) -> Any:
+    """Return the instances of an array, by rows and columns too, unless they are too many."""
+    whole = math.prod(count) if isinstance(count, list) else count or 1
+    if whole > cap("instances"):
+        raise PydanticCustomError("thermid", "{message}", {"message": f"{whole:.4g} instances are too many.{raising('instances')}"})
+    return count
 
 
 class UsedTable(StrictTable):
@@ -153,7 +162,7 @@ class UsedTable(StrictTable):
     use: Annotated[str, or_instance(Model)]
     bind: dict[str, str | AirAndSees] = Field(default_factory=dict)
     values: dict[str, Raw | list[Raw]] = Field(default_factory=dict)
-    count: Count | Annotated[list[Count], Field(min_length=2, max_length=2)] | None = None
+    count: Annotated[Count | Annotated[list[Count], Field(min_length=2, max_length=2)] | None, AfterValidator(_few)] = None
     chain: dict[str, str] = Field(default_factory=dict)
 
     def use_of(self) -> Use:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.arguments import takes_objects
-from thermid.errors import DeckError, nearest
+from thermid.errors import DeckError, cap, nearest, raising
 from thermid.expression import NAME, RESERVED
 from thermid.extensions import by_grammar, grammar_of
 from thermid.files import read_text
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from thermid.model.deck.assemblies import Assembly
 
 SCHEMA = "thermid.model.deck.schema"
-DEEPEST = 20
 ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
 """Groups of a deck whose elements are small decks."""
 _OTHERS = (
@@ -61,8 +60,8 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
     here = path.resolve()
     if here in trail:
         raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name)
-    if len(trail) >= DEEPEST:
-        raise DeckError(f"decks are nested deeper than {DEEPEST} levels. Merge some levels.", path.name)
+    if len(trail) >= cap("decks"):
+        raise DeckError(f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name)
     if here not in known:
         data, lines = read_toml(path)
         if "stages" in data and "records" in data:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import ScenarioError, ThermidError
+from thermid.errors import ScenarioError, ThermidError, cap, raising
 from thermid.expression import parse
 from thermid.linear_algebra import Array
 from thermid.units import require, require_unit
@@ -28,8 +28,6 @@ SAMPLES = ("instant", "average")
 """What a sample of a log is: the value at its stamp, or the mean over the interval that ends there."""
 SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
-MOST_SAMPLES = 5_000_000
-"""Samples of one periodic signal: 80 MB."""
 JUMP = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
 BEND = 2e-5
@@ -729,10 +727,10 @@ def _samples(count: float, period: float) -> int:
     ------
     ScenarioError   When they would fill the memory.
     """
-    if count > MOST_SAMPLES:
+    if count > cap("samples"):
         raise ScenarioError(
-            f"a period of {period:g} s would take {count:.3g} samples for this run, more than the limit of {MOST_SAMPLES:.0e}. "
-            "Give a longer period, its mean instead, or a shorter run.",
+            f"a period of {period:g} s would take {count:.3g} samples for this run, more than the limit of {cap('samples'):.0e}. "
+            f"Give a longer period, its mean instead, or a shorter run.{raising('samples')}",
             "a periodic signal",
         )
     return int(np.ceil(count)) + 1
@@ -767,7 +765,7 @@ def literal(text: str | float, slot: str, where: str = "") -> float:
     try:
         if isinstance(text, bool) or not isinstance(text, str | Real):
             raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.")
-        expression = parse(text if isinstance(text, str) else repr(float(text)))
+        expression = parse(text if isinstance(text, str) else repr(text if isinstance(text, int) else float(text)))
         if expression.literal is None:
             raise ScenarioError(f"'{text}' must be a number with a unit; names of parameters are not allowed here.")
         require_unit(expression.literal.unit, slot)
