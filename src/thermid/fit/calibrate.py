@@ -17,12 +17,13 @@ from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.inputs import inputs_of
-from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
+from thermid.fit.minimisation import Fit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
 from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
 from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.search import Progress, searched
 from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
 from thermid.fit.uncertainty.information import Information, Responses, elsewhere, responses
@@ -418,6 +419,7 @@ def summarise(
             *loudly(values),
             *far_from_sheet(request.model, values),
             *request.remarks,
+            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
@@ -436,6 +438,7 @@ def summarise(
         own=alone,
         rests=rests,
         store=store,
+        stopped=found.stopped,
     )
 
 
@@ -572,9 +575,6 @@ def _strained(problem: Problem, found: Fit) -> list[str]:
     ]
 
 
-Progress = Callable[[int, float], None]
-
-
 @takes_objects
 def calibrate(
     model: Model,
@@ -601,7 +601,10 @@ def calibrate(
     priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
-    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals.
+    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
+                                ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
+
+    The interrupt key ends the search with the best values so far: the calibration is then not credible, "stopped by the user".
 
     Raises
     ------
@@ -613,30 +616,39 @@ def calibrate(
     wanted, _ = freed(model, free, (), name or model.title)
     known = priors_of(model, priors or {}, name or model.title)
     request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name)
-    return fit(request, progress)
+    return fit(request, progress, stoppable=True)
 
 
-def fit(request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None) -> Calibration:
+def fit(
+    request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None, stoppable: bool = False
+) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
-    `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again.
+    `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again. `stoppable` says
+    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, known)
+    return fit_problem(request, build_problem(request), progress, known, stoppable)
 
 
 def fit_problem(
-    request: Request, problem: Problem, progress: Progress | None = None, known: Mapping[str, float] | None = None
+    request: Request,
+    problem: Problem,
+    progress: Progress | None = None,
+    known: Mapping[str, float] | None = None,
+    stoppable: bool = False,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
-        return _fitted(request, problem, progress, known)
+        return _fitted(request, problem, progress, known, stoppable)
 
 
-def _fitted(request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None) -> Calibration:
+def _fitted(
+    request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None, stoppable: bool
+) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.values())), request.loss, request.loss_scale)
@@ -645,12 +657,12 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
-            found = searched(problem, request.search, request.loss, request.loss_scale, progress)
-            if problem.clocked:
+            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable)
+            if problem.clocked and not found.stopped:
                 problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
-        if not stated:
+        if not stated and not found.stopped:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
-            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress)
+            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
     if problem.clocked:
         problem = at_clocks(problem, found.fitted)
@@ -658,14 +670,15 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.loss_scale)
-        kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
+        kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
         found = replace(again, **kept)
     spread = autocorrelation(problem, found, request.loss, request.loss_scale)
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
     found = replace(found, remarks=(*found.remarks, *asked))
     try:
-        refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
+        if not found.stopped:
+            refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
         unlogged = (
             f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly

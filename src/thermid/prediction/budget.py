@@ -345,6 +345,10 @@ class Target:
     also: tuple[str, ...] = ()
 
 
+UNSEEN = "the bands do not count what the equations of the FMU leave out: its structure is not known here"
+"""What is said of the band of a model that is run by somebody else's program."""
+
+
 @dataclass(frozen=True, eq=False)
 class Budget:
     """The uncertainty of one question.
@@ -635,7 +639,8 @@ def budget_of(
     if seen:
         make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
-    remarks = tuple(r for r in (remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
+    unseen = UNSEEN if own.runner is not None else ""
+    remarks = tuple(r for r in (unseen, remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
     whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=remarks)
     return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
 
