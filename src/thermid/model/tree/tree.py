@@ -90,8 +90,8 @@ class Tree:
     use : str                   The intended use, in words.
     file : str                  The deck's file name, for messages.
     lines : dict                Key path -> line of the deck, for messages.
-    runner : object or None     What runs it in place of the kernel, as an FMU does; see `thermid.simulation.solver.engine.Runner`.
     memo : Memo                 The tree laid flat, once it was asked for.
+    runner : object or None     What runs it in place of the kernel, as an FMU does; see `thermid.simulation.solver.engine.Runner`.
 
     `Model` adds what changes or judges a whole tree.
     """
@@ -117,8 +117,8 @@ class Tree:
     use: str = ""
     file: str = field(default="", compare=False)
     lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
-    runner: Any = field(default=None, compare=False, repr=False)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+    runner: Any = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         """One line: what it is made of and what it needs."""
