@@ -291,12 +291,12 @@ class Run:
             if n not in reduced.controllers
         }
         worst = max(digits, key=digits.__getitem__)
-        stated = f"the heat balance is open by {abs(balance.residual):.3g} J, {100.0 * balance.relative:.2g} % of the heat handled"
+        size = f"the heat balance is open by {abs(balance.residual):.3g} J, {100.0 * balance.relative:.2g} % of the heat handled"
         if sum(digits.values()) < abs(balance.residual) / len(digits):
-            return (stated,)
+            return (size,)
         holds = float(value_of(reduced.capacitances.get(worst) or 0.0))
         return (
-            f"{stated}: '{worst}' stores {holds:.3g} J/K, so the last digit of its temperature is {digits[worst]:.2g} J, and heat into "
+            f"{size}: '{worst}' stores {holds:.3g} J/K, so the last digit of its temperature is {digits[worst]:.2g} J, and heat into "
             "it is lost. If it holds its temperature, make it a boundary; else check its mass and units.",
         )
 
@@ -318,7 +318,7 @@ class Run:
 
 
 OPEN: Final = 1e-6
-"""Part of the heat that a run handled from which a balance that does not close is stated."""
+"""Part of the heat that a run handled from which a balance that does not close is told."""
 
 
 @dataclass(frozen=True, eq=False)
