@@ -87,7 +87,7 @@ HOW = {
 }
 
 
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.parametrize("how", ["directional", pytest.param("differences", marks=pytest.mark.campaign), "co-simulation"])
 def test_the_same_as_the_deck(how: str, fmu: Path, tmp_path: Path) -> None:
     """Values and errors of a fit with logged inputs, whatever makes the derivatives; co-simulation holds inputs over a step."""
     pattern, close, why = HOW[how]
@@ -147,6 +147,7 @@ def test_a_campaign_by_the_command_line(fmu: Path, tmp_path: Path) -> None:
     assert ask("check", path)[0] == 0
 
 
+@pytest.mark.campaign
 def test_a_failed_verdict(fmu: Path, tmp_path: Path) -> None:
     """Exit code 1, as of a deck."""
     code, said = ask("calibrate", campaign(tmp_path, fmu, off=0.5))
@@ -154,8 +155,8 @@ def test_a_failed_verdict(fmu: Path, tmp_path: Path) -> None:
     assert said["stages"][0]["standing"]["state"] == "failed"
 
 
-def test_what_cannot_be_told(tmp_path: Path) -> None:
-    """A power and a share of it act as a product alone: named before a fit, and refused with exit code 4."""
+def double_campaign(tmp_path: Path) -> Path:
+    """A campaign of an FMU whose power and a share of it act as a product alone."""
     double = {
         **DECK,
         "parameters": {**BOUNDED, "share": {"value": "1", "min": 0.1, "max": 3}},
@@ -165,9 +166,20 @@ def test_what_cannot_be_told(tmp_path: Path) -> None:
     to_fmu(td.model_from_dict(double), quiet, tmp_path / "double.fmu")
     path = campaign(tmp_path, tmp_path / "double.fmu", free='"p.power", "p.share"')
     path.write_text(path.read_text().replace('channels.heat = { load = "load.heat" }', "").replace("[[stages]]", "[[stages]]\n"))
-    code, said = ask("identify", path)
+    return path
+
+
+def test_what_cannot_be_told(tmp_path: Path) -> None:
+    """Named before a fit."""
+    code, said = ask("identify", double_campaign(tmp_path))
     assert code == 0
     assert "p_share" in json.dumps(said)
+
+
+@pytest.mark.campaign
+def test_what_cannot_be_told_is_not_fitted(tmp_path: Path) -> None:
+    """Refused with exit code 4, with the product that is known."""
+    path = double_campaign(tmp_path)
     code, said = ask("calibrate", path)
     assert code == 4
     assert "'p_power' and 'p_share' cannot be separated" in said["message"]
@@ -176,7 +188,7 @@ def test_what_cannot_be_told(tmp_path: Path) -> None:
 def test_starts(fmu: Path, tmp_path: Path) -> None:
     """A node without a sensor begins at the start of the FMU, said as assumed; one with a sensor at its reading, which is fitted."""
     only = record(log(tmp_path / "run.csv", 1), NAMES, ("a",))
-    found = td.calibrate(fmu_model(fmu), only, ["p.g"])
+    found = td.calibrate(fmu_model(fmu), only, ["p.g", "p.c"])
     assert [i.name for i in found.local] == ["initial.T_a"]
     rows = {(r.kind, r.name): r for r in found.inputs.rows}
     assert rows["start", "T_b"].source == "assumed"
@@ -228,7 +240,7 @@ def test_refusals(fmu: Path, tmp_path: Path) -> None:
         td.calibrate(model, ready, ["p.g"], scenario=td.Scenario("x", schedule={"p.c": "50 [J/K]"}))
     with pytest.raises((SolverError, ScenarioError), match="does not show"):
         td.steady(model, td.Scenario("x", boundaries={"T.air": "20 [degC]"}))
-    found = td.calibrate(model, ready, ["p.g"])
+    found = td.calibrate(model, ready, ["p.g", "p.c"])
     with pytest.raises(ScenarioError, match="missing elements needs the equations"):
         td.explain.criticise(found, elements=True)
     assert td.explain.criticise(found).traces

@@ -531,14 +531,14 @@ class _Steps(_FmuRun):
 
     def _grid(self) -> Array:
         """Return the instants from one of which to the next it steps."""
-        every = np.unique(np.concatenate([[0.0, self.end], self.times, self.jumps]))
+        every: Array = np.unique(np.concatenate([[0.0, self.end], self.times, self.jumps]))
         every = every[np.concatenate([[True], np.diff(every) > NEAR * self.end])]
         form = self.file.described.coSimulation
         own = getattr(form, "fixedInternalStepSize", None)
         if form.canHandleVariableCommunicationStepSize and own is None:
-            return every
+            return np.asarray(every)
         # a fixed step of its own: communication points are multiples of it
         step = float(own) if own is not None else float(np.median(np.diff(every)))
         whole = max(1, round(float(np.median(np.diff(every))) / step)) * step
         count = int(np.ceil(self.end / whole - NEAR)) + 1
-        return np.linspace(0.0, (count - 1) * whole, count)
+        return np.asarray(np.linspace(0.0, (count - 1) * whole, count))
