@@ -44,8 +44,10 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import NAMES, counted, unit
 
 NOISES, OF_RANGE = 3.0, 0.02
-"""What the autocorrelated part of residuals may be, as a standard deviation: so many noises of the sensor, or so much of what the sensor
-ranged over in the record, whichever is more. [-]"""
+"""What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
+autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
+REFUTED = 1e-3
+"""Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
 
 def own_standing(
@@ -56,7 +58,7 @@ def own_standing(
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
-    short_of += _missed(request, problem, spread) if spread is not None else []
+    short_of += _missed(request, problem, found, spread) if spread is not None else []
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
@@ -73,23 +75,43 @@ def at_bounds(problem: Problem, found: Fit, total: Array) -> list[tuple[Unknown,
     return out
 
 
-def _missed(request: Request, problem: Problem, spread: Autocorrelation) -> list[str]:
+def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelation) -> list[str]:
     """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
     seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
-    found: list[tuple[float, str]] = []
+    scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in found.sums}
+    missed: list[tuple[float, str]] = []
     for t in spread.traces:
         o = seen[t.record, t.sensor]
         sigma = o.sigma(problem.noise)
-        noise = o.noise if o.noise is not None else float(np.sqrt(t.white_variance)) * sigma
-        limit = request.adequate or max(NOISES * noise, OF_RANGE * float(np.ptp(o.measured)))
         size = float(np.sqrt(t.correlated_variance)) * sigma
+        if request.adequate:
+            limit, what = request.adequate, "'adequate'"
+        elif o.noise is not None:
+            size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
+            limit, what = NOISES * o.noise, f"{NOISES:g} times its stated noise"
+        else:
+            limit = max(NOISES * float(np.sqrt(t.white_variance)) * sigma, OF_RANGE * float(np.ptp(o.measured)))
+            what = f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
         if size > limit:
-            what = "'adequate'" if request.adequate else f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
-            found.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
-    if not found:
+            missed.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
+    if not missed:
+        return [] if request.adequate else _refuted(problem, found)
+    first = max(missed)[1]
+    return [f"{first}, and {counted(len(missed) - 1, 'further trace')}" if len(missed) > 1 else first]
+
+
+def _refuted(problem: Problem, found: Fit) -> list[str]:
+    """Return in words that the sum of squares refutes the fit, white residuals or not; nothing where some noise was not stated."""
+    from scipy.special import gammaincc
+
+    freedom, squares = problem.freedom, found.chi_square
+    if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= NOISES**2 * freedom:
         return []
-    first = max(found)[1]
-    return [f"{first}, and {counted(len(found) - 1, 'further trace')}" if len(found) > 1 else first]
+    chance = float(gammaincc(0.5 * freedom, 0.5 * squares))
+    if chance > REFUTED:
+        return []
+    times = short(float(np.sqrt(squares / freedom)))
+    return [f"the residuals are {times} times the stated noise, which the noise refutes (limit {NOISES:g} times)"]
 
 
 def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
@@ -419,6 +441,7 @@ def summarise(
             *loudly(values),
             *far_from_sheet(request.model, values),
             *request.remarks,
+            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),

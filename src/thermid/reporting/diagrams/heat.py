@@ -23,6 +23,8 @@ MOST: Final = 20
 """So many chips at most; beyond it a part is one chip with its hottest node."""
 LETTERS: Final = 11.0
 """Size of letters. [px]"""
+SIGN: Final = 0.26
+"""How much wider a plus or an arrow is than other signs, in letters' size. [-]"""
 TALL: Final = 46.0
 """Height of a chip. [px]"""
 MOST_APART: Final = 112.0
@@ -230,6 +232,8 @@ def _drawn(chip: Chip, shown: Mapping[str, float]) -> Iterator[str]:
     for k, (text, look) in enumerate(lines):
         if text:
             place = f'x="{chip.x:.1f}" y="{top + 13.5 + 13.5 * k:.1f}" text-anchor="middle"'
+            if width_of(text, LETTERS) + SIGN * LETTERS * sum(c in "+\u2192" for c in text) > chip.width - 10.0:
+                place += f' textLength="{chip.width - 10.0:.0f}" lengthAdjust="spacingAndGlyphs"'
             yield f'<text {place} style="fill:#1a2230;{look}">{escape(text)}</text>'
 
 

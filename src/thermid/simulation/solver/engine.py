@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,30 @@ from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large import integrate_model, refusal, settle_model
 from thermid.simulation.solver.problem import Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
 from thermid.simulation.solver.wiring import Assembled, Wiring
+
+
+class Runner(Protocol):
+    """What runs a model in place of the kernel: somebody else's program, such as an FMU."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of a fit must know."""
+        ...
+
+    @property
+    def starts(self) -> Mapping[str, float]:
+        """Node whose start can be set -> its own start. [K]"""
+        ...
+
+    @property
+    def powers(self) -> Mapping[str, float]:
+        """Load -> what it takes where nobody gives it. [W], or a plain number."""
+        ...
+
+    def run(self, engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, gradients: bool) -> Answer:
+        """Return temperatures of nodes at times, as `Engine.integrate` does."""
+        ...
+
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
 
@@ -284,6 +308,12 @@ class Engine(KernelProblem):
         super().__init__(wiring)
         self.modal = Modal(wiring, self.problem)
 
+    @property
+    def runner(self) -> Runner | None:
+        """What runs the model in place of the kernel; None for the kernel itself."""
+        found: Runner | None = self.wiring.network.flat.names.model.runner
+        return found
+
     def _as_large(self, options: Options, gradients: bool) -> bool:
         """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
 
@@ -319,6 +349,8 @@ class Engine(KernelProblem):
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
+        if (runner := self.runner) is not None:
+            return runner.run(self, a, times, nodes, end, gradients)
         if self._as_large(options, gradients):
             return integrate_model(self, a, times, nodes, end, options, extremes)
         index = self._index()
@@ -492,6 +524,8 @@ class Engine(KernelProblem):
         unknown = np.isnan(a.initial)
         if not unknown.any():
             return a
+        if self.runner is not None:
+            raise ScenarioError("an FMU has no steady start here. Give a temperature as its start.", self.wiring.scenario.title)
         if not unknown.all():
             raise ScenarioError("a steady start gives the temperatures of all nodes. Leave 'initial' out.", self.wiring.scenario.title)
         found, slopes = self._beginning(a, gradients)
