@@ -613,6 +613,8 @@ def calibrate(
 ) -> Calibration:
     """Return the fit of some parameters of a model to one or several records.
 
+    The interrupt key ends the search with the best values so far: the calibration is then not credible, "stopped by the user".
+
     Parameters
     ----------
     model : Model               What the hardware is.
@@ -625,8 +627,6 @@ def calibrate(
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
                                 ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
-
-    The interrupt key ends the search with the best values so far: the calibration is then not credible, "stopped by the user".
 
     Raises
     ------
