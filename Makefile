@@ -85,6 +85,8 @@ ifneq ($(PYTHON),$(shell cat $(ENV)/.python 2>/dev/null))
 endif
 endif
 export PYTHON
+# Tests start Python some hundred times; compiled files are read, not made anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 $(ENV)/.python:
 	@tools=$$(scripts/find_tools) && eval "$$tools" && echo "environment: $(ENV), from $$PYTHON" && rm -rf build \

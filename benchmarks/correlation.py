@@ -2,7 +2,7 @@
 
 The network is synthetic, drawn by this script to the size of a public deck of Thermal Desktop. Twenty logs with noise of their own are
 fitted; for the first, a genetic algorithm and a particle swarm of pymoo minimise the same sum of squares, and every run of the network that
-they ask for is counted. `python benchmarks/correlation.py [SEEDS] [EVALUATIONS]` prints the figures of docs/from/esatan.md.
+they ask for is counted. `python benchmarks/correlation.py [SEEDS] [EVALUATIONS]` prints the figures of docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import thermid as td
+from thermid.simulation.simulator import prepare
 
 NODES, LINEAR, RADIATION, FACTORS, SENSORS, NOISE = 127, 303, 2217, 12, 20, 0.1
 BOUNDS = (0.05, 20.0)
@@ -108,13 +109,14 @@ def swarm(model: td.Model, kind: str, most: int) -> tuple[float, int, float]:
 
     record = log(model, 0)
     readings = np.array([record[name].values for name in LOGGED])
+    ready = prepare(model, CASE, tuple(FREE), every="60 [s]")
 
     class Fit(ElementwiseProblem):  # type: ignore[misc]
         def __init__(self) -> None:
             super().__init__(n_var=FACTORS, n_obj=1, xl=np.log(BOUNDS[0]), xu=np.log(BOUNDS[1]))
 
         def _evaluate(self, x: np.ndarray, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            run = td.simulate(model.with_values(dict(zip(FREE, np.exp(x).tolist(), strict=True))), CASE, every="60 [s]")
+            run = ready.run(dict(zip(FREE, np.exp(x).tolist(), strict=True)))
             out["F"] = float((((np.array([run[name].kelvin for name in LOGGED]) - readings) / NOISE) ** 2).sum())
 
     start = time.process_time()

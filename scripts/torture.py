@@ -39,11 +39,12 @@ Found = dict[str, Any]
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the torture: its words in the table, its share of the time, and what runs it for some seconds from a seed."""
+    """A part of the torture: its words in the table, its share of the time, what runs it, and the aim of the project."""
 
     title: str
     share: float
     run: Callable[[float, int, int], Found]
+    aim: str = ""
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
@@ -110,14 +111,15 @@ def logs(seconds: float, seed: int, count: int) -> Found:
 
 
 PARTS = {
-    "python": Part("files read in Python", 0.2, mutants("python")),
-    "commands": Part("files given to commands", 0.15, mutants("commands")),
+    "python": Part("files read in Python", 0.2, mutants("python"), "50,000"),
+    "commands": Part("files given to commands", 0.1, mutants("commands"), "10,000"),
+    "spawned": Part("files given to commands, each in a process of its own", 0.05, mutants("spawned")),
     "calls": Part("arguments of functions", 0.05, mutants("calls")),
     "kernel": Part("random networks of the kernel, against exponentials and scipy", 0.15, kernels),
-    "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements),
-    "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills),
+    "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements, "500"),
+    "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills, "each call of eight jobs"),
     "outputs": Part("outputs of commands aimed at inputs", 0.05, outputs),
-    "hostile": Part("hostile requests to the studio", 0.1, hostile),
+    "hostile": Part("hostile requests to the studio", 0.1, hostile, "10,000"),
     "logs": Part("large, packed, exchanged and silent logs, closed pipes, signals", 0.05, logs),
 }
 
@@ -151,11 +153,10 @@ def main() -> int:
 
 def page(kept: dict[str, Found]) -> str:
     """Return the page with the tables of the last runs."""
-    rows = [
-        f"| {part.title} | {sum(kept[n]['counts'].values()):,} | {len(kept[n]['findings'])} | {kept[n]['seed']} | {kept[n]['day']} |"
-        for n, part in PARTS.items()
-        if n in kept
-    ]
+    rows = []
+    for name, part in PARTS.items():
+        of = kept.get(name, {"counts": {}, "findings": [], "seed": "", "day": "not run"})
+        rows.append(f"| {part.title} | {sum(of['counts'].values()):,} | {part.aim} | {len(of['findings'])} | {of['seed']} | {of['day']} |")
     by = {how: kept.get(how, {"counts": {}})["counts"] for how in ("python", "commands")}
     kinds = list(dict.fromkeys(name for how in by for name in by[how]))
     inside = {
@@ -168,10 +169,12 @@ def page(kept: dict[str, Found]) -> str:
         "findings": [f"- {each}" for n in PARTS for each in kept.get(n, {"findings": []})["findings"]] or ["None."],
         "caps": [f"| `{name}` | {most:g} | {what} |" for name, (most, what) in CAPS.items()],
     }
-    memory = kept.get("hostile", {}).get("memory", [0.0, 0.0])
+    memory = kept.get("hostile", {}).get("memory", [])
+    flat = f"The studio held {memory[len(memory) // 2]:.0f} MB halfway and {memory[-1]:.0f} MB at the end." if memory else ""
+    measured = "; ".join(f"{what}: {said}" for what, said in kept.get("logs", {}).get("measured", {}).items())
     text = (ROOT / "scripts/torture.md").read_text(encoding="utf-8")
     filled = {name: (", " if name == "ends" else "\n").join(lines) for name, lines in inside.items()}
-    return text.format(table="\n".join(rows), begin=memory[len(memory) // 2], end=memory[-1], **filled)
+    return text.format(table="\n".join(rows), memory=" ".join([flat, measured]).strip(), **filled)
 
 
 def named(part: str, found: Found | None) -> dict[str, int]:

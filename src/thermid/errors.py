@@ -103,8 +103,30 @@ class IdentificationError(ThermidError, ValueError):
     exit_code = 4
 
 
+class StoppedError(ThermidError, RuntimeError):
+    """The interrupt key ended a fit that further fits rest on; the message has its best values so far."""
+
+    exit_code = 130
+
+
 class ThermidWarning(UserWarning):
     """Something that a reader of the result must know."""
+
+
+def spoken(seconds: float) -> str:
+    """Return a duration in words, with the digits that a person wants.
+
+    >>> spoken(8.2), spoken(75), spoken(4000)
+    ('8 s', '1 min 15 s', '1 h 7 min')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s" if minutes < 10 and rest else f"{round(whole / 60)} min"
+    hours, minutes = divmod(round(whole / 60), 60)
+    return f"{hours} h {minutes} min"
 
 
 CAPS: Final[Mapping[str, tuple[float, str]]] = {

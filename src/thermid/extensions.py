@@ -16,6 +16,7 @@ from thermid.errors import MissingExtraError, ThermidError, quoted
 POINTS: Final = {
     "surroundings of a scenario file": ("thermid.site", "surroundings", "surrounded"),
     "humidity along a profile": ("thermid.site", "moisture", "humid"),
+    "an FMU as a model": ("thermid.interop", "fmu.as_model", "fmu_model"),
     "the log of a bench": ("thermid.acquire", "benchlog", "bench_cells"),
 }
 """Point -> part, module, function."""

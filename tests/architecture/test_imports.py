@@ -75,7 +75,7 @@ ARROWS: dict[str, set[str]] = {
     "simulation": FOUNDATION | MODEL | SIMULATION | {"physics", "network", "knowledge", "_kernel"},
 }
 LOW = FOUNDATION | MODEL | SIMULATION | MEASURE | {"physics", "network", "knowledge"}
-FIT = {"fit", "fit.problem", "fit.minimisation", "fit.uncertainty", "fit.second_clocks"}
+FIT = {"fit", "fit.problem", "fit.minimisation", "fit.search", "fit.uncertainty", "fit.second_clocks"}
 REPORTING = {"reporting.blocks", "reporting.pictures", "reporting.diagrams", "reporting.pages", "reporting.qualification"}
 ABOVE_FIT = {"estimation", "power", "explain", "judge", "prediction", "design", "inference"}
 TESTED = {"sourced", "profiles", "profile_runs", "steadiness", "reduction", "monte_carlo"}
@@ -88,6 +88,7 @@ ARROWS |= {
     "reduction": LOW,
     "fit.problem": LOW,
     "fit.minimisation": LOW | {"fit.problem"},
+    "fit.search": LOW | {"fit.problem", "fit.minimisation"},
     "fit.uncertainty": LOW | {"fit.problem", "fit.minimisation"},
     "fit.second_clocks": LOW | {"fit.problem", "fit.minimisation", "fit.uncertainty"},
     "fit": LOW | FIT - {"fit"},

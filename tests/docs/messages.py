@@ -46,7 +46,7 @@ BOUND = {
 
 
 DIALECT = {
-    r"\b(no|some)body('s)?\b": "name who or what; unmeasured, not stated",
+    r"\b([Nn]o|[Ss]ome)body('s)?\b": "name who or what; unmeasured, not stated",
     r"\b(cannot|could not|would) tell\b|\btold\b|\btells?\b": "does not determine, states",
     r"\bhand(s|ed|ing)? (on|up)\b": "inherited, passed on",
     r"\bin place of\b": "instead of",

@@ -63,7 +63,7 @@ import sys
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{type(finder).__module__} {type(finder).__name__}".lower()]
 sys.path[:0] = sys.argv[1:2]
 import pytest
-sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", "-c", "empty.ini", sys.argv[2]]))
+sys.exit(pytest.main(["-q", "-rA", "-p", "no:cacheprovider", "-c", "empty.ini", *sys.argv[2:]]))
 """
 
 
@@ -134,31 +134,49 @@ def test_the_new_kind_is_simulated_and_fitted(copy: Path) -> None:
     assert "count" in found["refusal"]
 
 
-@pytest.mark.parametrize("file", ["test_bolts.py", "test_metric.py", "test_reader.py"])
-def test_the_test_of_a_recipe_passes_with_it_and_fails_without(copy: Path, file: str) -> None:
-    done = run(copy, CHECK, file)
-    assert done.returncode == 0, done.stdout
-    assert "1 passed" in done.stdout
-    without = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "empty.ini", file],
-        cwd=copy, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert without.returncode == 1
-    assert "1 failed" in without.stdout
+RECIPES = ("test_bolts.py", "test_metric.py", "test_reader.py")
+WALKING = ("test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn", "test_metrics.py::test_what_each_metric_is")
 
 
-@pytest.mark.parametrize(
-    "test", ["test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn", "test_metrics.py::test_what_each_metric_is"]
-)
-def test_what_walks_a_table_passes_with_the_recipe_and_fails_without(copy: Path, test: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
-    done = run(copy, CHECK, test)
-    assert done.returncode == 0, done.stdout
-    file, _, name = test.partition("::")
-    for unchanged in (ROOT / "tests" / "unit").rglob(file):  # the test as it stands, of the package with the new row
-        done = run(copy, CHECK, f"{unchanged}::{name}")
-        assert done.returncode == 1, done.stdout
-        assert "1 failed" in done.stdout
+def outcomes(copy: Path, script: str, *tests: str) -> dict[str, set[str]]:
+    """PASSED, FAILED or ERROR -> names of the tests that ended so; all of them in one start of Python."""
+    done = run(copy, script, *tests)
+    words = re.findall(r"^(PASSED|FAILED|ERROR) \S*?::(\S+)", done.stdout, re.MULTILINE)
+    assert len(words) == len(tests), done.stdout + done.stderr
+    return {end: {name for word, name in words if word == end} for end in ("PASSED", "FAILED", "ERROR")}
+
+
+@pytest.fixture(scope="module")
+def with_them(copy: Path) -> dict[str, set[str]]:
+    """What becomes of the tests of the page, of the package as the contributor leaves it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(ROOT / "tests"))
+        return outcomes(copy, CHECK, *RECIPES, *WALKING)
+
+
+@pytest.fixture(scope="module")
+def without(copy: Path) -> dict[str, set[str]]:
+    """What becomes of the recipes' tests, of the package without the recipes."""
+    return outcomes(copy, "import sys" + CHECK[CHECK.index("\nimport pytest") :], *RECIPES)
+
+
+@pytest.fixture(scope="module")
+def unchanged(copy: Path) -> dict[str, set[str]]:
+    """What becomes of the tests that walk a table, left unchanged, of the package with the new rows."""
+    files = {name: next((ROOT / "tests" / "unit").rglob(name.partition("::")[0])) for name in WALKING}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(ROOT / "tests"))
+        return outcomes(copy, CHECK, *(f"{file}::{name.partition('::')[2]}" for name, file in files.items()))
+
+
+def test_the_tests_of_the_recipes_pass_with_them_and_fail_without(with_them: dict[str, set[str]], without: dict[str, set[str]]) -> None:
+    names = {re.findall(r"def (test_\w+)", EXAMPLE[f"{kind}test"])[0] for kind in ("", "metric-", "reader-")}
+    assert with_them == {"PASSED": names | {test.partition("::")[2] for test in WALKING}, "FAILED": set(), "ERROR": set()}
+    assert without == {"PASSED": set(), "FAILED": names, "ERROR": set()}
+
+
+def test_what_walks_a_table_fails_without_a_line_of_the_new_row(unchanged: dict[str, set[str]]) -> None:
+    assert unchanged == {"PASSED": set(), "FAILED": {test.partition("::")[2] for test in WALKING}, "ERROR": set()}
 
 
 def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:

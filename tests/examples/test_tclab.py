@@ -89,7 +89,37 @@ def verdicts(run: Run, title: str) -> list[dict[str, Any]]:
 
 
 @sao_paulo
-class TestSaoPaulo:
+def test_one_heater_of_two_runs_predicts_another_regime(tmp_path: Path) -> None:
+    """A sample of the campaign: its first stage on one step and one random run, judged on a run at rest at 50 %."""
+    head, _, rest = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8").partition("# ---- component 2")
+    records = 'records  = ["ensH1_*", "ens_IdentificationH1_Random_0?"]'
+    assert records in head
+    head = head.replace(records, 'records  = ["ensH1_000_050_en1", "ens_IdentificationH1_Random_01"]')
+    verdict = 'name = "another regime"\nmodel = "heater 1"\nrecord = "ens_IdentificacaoH1_0to50_01"\ncriteria = { rmse = "1 [K]" }\n'
+    local = 'local = { room = { start = "T1_C", sd = "0.5 [K]" } }\n'
+    for deck in ("board.toml", "heater.toml"):
+        shutil.copy(EXAMPLE / deck, tmp_path)
+    file = tmp_path / "sample.toml"
+    file.write_text(f"{head}[[verdicts]]\n{verdict}{local}\n[checksums]{rest.partition('[checksums]')[2]}", encoding="utf-8")
+    campaign = td.run_stages(file, data=SAO_PAULO)
+    fit = campaign["heater 1"]
+    # two runs decide what the heater and its sensor are; of the board they say less, and the fit says how much less
+    known = {name: v for name, v in fit.values.parameters.items() if v.shown(v.error) < 0.3 * abs(v.in_unit)}
+    assert {"h1.alpha", "h1.tau"} <= set(known)
+    for name, value in fit.values.parameters.items():
+        low, high = PHYSICAL[name]
+        room = 0.0 if name in known else 2.0 * value.error
+        assert low - room <= value.value <= high + room, f"{name} = {value.value}"
+    assert len(fit.values.parameters) == 6
+    assert fit.statistics["ens_IdentificationH1_Random_01"]["T1_C"].rmse < 1.0  # the verdict's limit; 0.75 K are stated as noise
+    (judged,) = campaign.verdicts
+    assert judged.passed
+    assert next(b for b in judged.prediction.blocks if b.sensor == "T1_C").times.size > 400
+
+
+@pytest.mark.campaign
+@sao_paulo
+class TestTheWholeCampaign:
     def test_the_campaign_ends_well(self, real: Run) -> None:
         assert real.code == 0, real.said
         assert real.said["status"] == "ok"
@@ -139,6 +169,9 @@ class TestSaoPaulo:
         assert seen == {*PHYSICAL, "first_reading"}
         assert not any("ended at its" in w for s in real.said["stages"] for w in s["warnings"])
 
+
+@sao_paulo
+class TestSamples:
     def test_every_run_is_known_by_its_samples(self) -> None:
         source = read_campaign(EXAMPLE / "campaign.toml", SAO_PAULO)
         assert set(source.content.checksums) == set(source.names())

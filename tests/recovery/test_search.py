@@ -9,9 +9,9 @@ import pytest
 
 import thermid as td
 from recovery.cases import draw, stack_interfaces
-from thermid.fit.minimisation import Population, evolved
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
+from thermid.fit.search import Population, evolved
 
 pytestmark = pytest.mark.recovery
 BENCH = replace(stack_interfaces(), accuracy=0.0, meter=0.0)

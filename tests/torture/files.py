@@ -1,6 +1,6 @@
 """Mutants of every kind of file through what reads them: only the library's own errors, none above 5 s of processor time or 1 GB.
 
-``python -m torture.files python|commands|calls SECONDS SEED [NUMBER]`` in the folder tests prints one JSON object.
+``python -m torture.files python|commands|spawned|calls SECONDS SEED [NUMBER]`` in the folder tests prints one JSON object.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import re
 import resource
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -98,20 +99,41 @@ def reads(kind: str, base: Path, seed: str) -> str:
 
 
 def commands(kind: str, base: Path, seed: str) -> str:
-    """Give one mutant of a kind to one of its commands; return what was wrong."""
+    """Give one mutant of a kind to one of its commands, in this process; return what was wrong."""
     from thermid.cli import main
 
+    def run(words: list[str]) -> str:
+        before = sys.argv
+        sys.argv = ["thermid", *words]
+        try:
+            return judged(main, words[0])
+        finally:
+            sys.argv = before
+
+    return _commanded(kind, base, seed, run)
+
+
+def spawned(kind: str, base: Path, seed: str) -> str:
+    """The same in a process of its own."""
+
+    def run(words: list[str]) -> str:
+        made = subprocess.run([sys.executable, "-m", "thermid", *words], capture_output=True, text=True, check=False)
+        right = made.returncode in (0, 1, 2, 3, 4, 5) and "Traceback" not in made.stderr
+        return "" if right else f"exit code {made.returncode}: {made.stderr[-200:]}"
+
+    return _commanded(kind, base, seed, run)
+
+
+def _commanded(kind: str, base: Path, seed: str, run: Callable[[list[str]], str]) -> str:
+    """Run one of the commands of a kind on a mutant; return what was wrong."""
     of = KINDS[kind]
     file, good = base / of.file, (base / of.file).read_bytes()
     file.write_bytes(_mutant(of.file, seed, good))
     words = of.commands[int(seed.rpartition(" ")[2]) // len(KINDS) % len(of.commands)]
-    before = sys.argv
-    sys.argv = ["thermid", *(of.file if w == "{}" else w for w in words)]
     try:
-        wrong = judged(main, file.name)
+        wrong = run([of.file if w == "{}" else w for w in words])
         return wrong and f"{words[0]}: {wrong}"
     finally:
-        sys.argv = before
         file.write_bytes(good)
         shutil.rmtree(base / "results", ignore_errors=True)
 
@@ -130,7 +152,7 @@ def _mutant(name: str, seed: str, good: bytes) -> bytes:
 
 def campaign(how: str, seconds: float, first: int, most: int = sys.maxsize) -> dict[str, Any]:
     """Read mutants of all kinds in turn for some seconds; return counts by kind and the findings with the seed of one of each."""
-    judge = {"python": reads, "commands": commands, "calls": calls}[how]
+    judge = {"python": reads, "commands": commands, "spawned": spawned, "calls": calls}[how]
     kinds = [*CALLS] if how == "calls" else [k for k, of in KINDS.items() if how == "python" or of.commands]
     counts: Counter[str] = Counter()
     found: dict[str, list[str]] = {}

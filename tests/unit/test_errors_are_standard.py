@@ -21,6 +21,7 @@ KINDS = {
     "MissingExtraError": ImportError,
     "SolverError": RuntimeError,
     "IdentificationError": ValueError,
+    "StoppedError": RuntimeError,
 }
 
 

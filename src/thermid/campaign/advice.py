@@ -14,6 +14,8 @@ AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
 
 def mistakes_of(fit: Calibration) -> Mistakes:
     """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
+    if fit.model.runner is not None:  # the heat inside somebody's FMU is not known
+        return Mistakes(fit.stage)
     if fit.request is None or not fit.records or not fit.values.parameters or any(e.ticks is not None for e in fit.experiments):
         return Mistakes(fit.stage)
     if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
@@ -48,7 +50,9 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
     """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
     if not isinstance(error, IdentificationError | SolverError):
         return error
-    said = stray_readings(request.records) or find_mistakes(request, stage).lines()
+    said = stray_readings(request.records)
+    if not said and request.model.runner is None:
+        said = find_mistakes(request, stage).lines()
     words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in said]
     command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
     return type(error)(" ".join([error.message, *words, f"Next: {command}"]), error.where)

@@ -140,7 +140,9 @@ def credibility(campaign: Campaign) -> CredibilityRecord:
     values = ParameterSet(model)
     numbers = values.evaluate({})
     fits = dict(campaign.stages) | ({"joint": campaign.joint} if campaign.joint is not None else {})
-    rows = {path: _row(values, path, float(numbers[path]), last, fits) for path in values.table}
+    # of an FMU, its parameters alone: what else its deck has stands for nothing
+    paths = [p for p in values.table if model.runner is None or p in model.parameters]
+    rows = {path: _row(values, path, float(numbers[path]), last, fits) for path in paths}
     verdicts = tuple({"model": v.model, "record": v.record, "passed": v.passed, "unseen": v.unseen} for v in campaign.verdicts)
     synthetic = any(c.synthetic for c in fits.values())
     return CredibilityRecord(campaign.title, model.identity(), str(last.values.provenance.get("version", "")), synthetic, rows, verdicts)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.campaign.cache import file_name, log_kept
 from thermid.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
-from thermid.extensions import by_grammar
+from thermid.extensions import by_grammar, extension
 from thermid.fit.problem.request import LocalSpec
 from thermid.measure import Channel, Record, read_record
 from thermid.memo import Memo
@@ -205,8 +205,11 @@ class CampaignSource:
         return {n: LocalSpec.read(t.model_dump(exclude_none=True), where) for n, t in self.names()[name][1].local.items()}
 
     def model(self, file: str, where: str) -> Model:
-        """Return the model of a stage, by its deck's file name."""
-        return load_model(resolve_inside(self.path.parent, file, where))
+        """Return the model of a stage, by the file name of its deck or FMU."""
+        target = resolve_inside(self.path.parent, file, where)
+        if target.suffix.lower() == ".fmu":
+            return self.memo.made(("fmu", target), lambda: extension("an FMU as a model", where)(target))
+        return load_model(target)
 
 
 def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:

@@ -17,7 +17,7 @@ from thermid.campaign.cache import changed_since, file_name, recall, remember
 from thermid.campaign.file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign.hand import hand_values
 from thermid.campaign.joint import JointFit, fit_jointly, joint_key
-from thermid.errors import DeckError, IdentificationError, RecordError, ThermidError, errors_at, look_up, refuse_unknown
+from thermid.errors import DeckError, IdentificationError, RecordError, StoppedError, ThermidError, errors_at, look_up, refuse_unknown
 from thermid.explain.mistakes import Mistakes
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
@@ -396,7 +396,7 @@ def run_stages(
             requests[stage.name], keys[stage.name] = request, request.key
             kept = recall(folder, stage.name, request.key)
             try:
-                found = fit(request, progress_of(notice, stage.name), kept)
+                found = fit(request, progress_of(notice, stage.name), kept, stoppable=True)
             except ThermidError as error:
                 raise refused(error, request, stage.name, source.path.name) from None
             if kept is None:
@@ -404,6 +404,7 @@ def run_stages(
                 if found.converged:
                     remember(folder, stage.name, request.key, list(found.fitted), np.array(list(found.fitted.values())), ingredients)
             done[stage.name] = found
+            _go_on(found, [s.name for s in source.content.stages[k + 1 :]], source)
     made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     used = {sha: user for c in done.values() for sha, user in c.seen.items()}
@@ -468,9 +469,44 @@ def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
     return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
 
 
-def progress_of(notice: Notice | None, name: str) -> Callable[[int, float], None] | None:
+def _go_on(found: Calibration, left: Sequence[str], source: CampaignSource) -> None:
+    """Do nothing, unless the interrupt key ended a fit and others would follow.
+
+    Raises
+    ------
+    StoppedError    With the best values so far.
+    """
+    then = [*(f"'{name}'" for name in left), *(["the joint fit"] if source.content.joint is not None else [])]
+    if not found.stopped or not then:
+        return
+    best = ", ".join(f"{v.path} = {short(v.in_unit, 4)} {v.unit}".rstrip() for v in found.values.parameters.values())
+    raise StoppedError(
+        f"stopped by the user after {counted(found.evaluations, 'evaluation')} of stage '{found.stage}'. Best so far, not credible: {best}."
+        f" Not fitted: {', '.join(then)}. The stages before it are kept in the results folder."
+    )
+
+
+@dataclass(frozen=True)
+class StageNotice:
+    """What a fit calls, from what is called with the name of what is running besides."""
+
+    notice: Notice
+    name: str
+
+    def __call__(self, count: int, rms: float) -> None:
+        """Say how many evaluations there were, and the weighted RMS."""
+        self.notice(self.name, count, rms)
+
+    def ahead(self, words: str, seconds: float) -> None:
+        """Say what follows and what it will take [s], where anyone listens."""
+        tell = getattr(self.notice, "ahead", None)
+        if tell is not None:
+            tell(self.name, words, seconds)
+
+
+def progress_of(notice: Notice | None, name: str) -> StageNotice | None:
     """Return what a fit calls, from what is called with the name of what is running besides."""
-    return None if notice is None else lambda count, rms: notice(name, count, rms)
+    return None if notice is None else StageNotice(notice, name)
 
 
 def _judge(

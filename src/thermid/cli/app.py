@@ -15,7 +15,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from thermid.cli.screen import show
-from thermid.errors import MissingExtraError, ThermidError
+from thermid.errors import MissingExtraError, StoppedError, ThermidError
 from thermid.extensions import missing
 from thermid.files import command
 
@@ -249,7 +249,7 @@ COMMANDS = {
 }
 """Command word -> where the command stands, in the order of the help."""
 
-INTERRUPTED = 130
+INTERRUPTED = StoppedError.exit_code
 """Exit code after the interrupt key, as shells have it."""
 EXITS = {
     0: "done; every verdict passed; the values used are credible or unjudged",

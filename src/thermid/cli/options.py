@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, Final, NoReturn
 
 import typer
 
@@ -13,7 +14,7 @@ from thermid.campaign.file import read_campaign
 from thermid.campaign.hand import Filed, filed
 from thermid.campaign.stages import Campaign, run_stages
 from thermid.cli.screen import Progress, show
-from thermid.errors import ScenarioError
+from thermid.errors import ScenarioError, spoken
 from thermid.extensions import require
 from thermid.files import NETCDF, PAPER, PICTURE, check_ending, command, may_write
 from thermid.model.deck.modelfile import load_model
@@ -79,6 +80,10 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool =
         show(str(text), whole=verbose)
 
 
+WORTH_SAYING: Final = 10.0
+"""What a descent or a search will take at least where a line of its own says it beforehand. [s]"""
+
+
 class CampaignProgress(Progress):
     """How far the fits of a campaign are.
 
@@ -96,6 +101,7 @@ class CampaignProgress(Progress):
         super().__init__("reading logs")
         self._weights = dict(weights)
         self._finished: dict[str, None] = {}
+        self._until: float | None = None
 
     def __call__(self, stage: str, count: int, rms: float) -> None:
         """Show how far a stage is."""
@@ -103,8 +109,23 @@ class CampaignProgress(Progress):
         self._finished[stage] = None
         whole = sum(self._weights.values()) or 1.0
         inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
+        if stage not in self._finished or not count:
+            self._until = None
         words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
         self.now(words, (before + inside) / whole, stage)
+
+    def ahead(self, stage: str, words: str, seconds: float) -> None:
+        """Say what follows in a stage, and what it will take [s]."""
+        self._until = time.monotonic() + seconds
+        if seconds >= WORTH_SAYING:
+            self.say(f"{stage}: {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far.")
+
+    def left(self) -> str:
+        """Return the time left in words: of what is being done, where that was priced, beside that of the whole."""
+        whole, now = super().left(), time.monotonic()
+        if self._until is None or self._until - now < 1.0:
+            return whole
+        return f", about {spoken(self._until - now)} left of this stage" + whole.replace(" left", " of the campaign")
 
 
 def campaign_progress(path: Path) -> CampaignProgress:

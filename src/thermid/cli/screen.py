@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Final, Self
 
 import typer
 
+from thermid.errors import spoken
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -138,11 +140,23 @@ class Progress:
             self._told = step or text
             typer.echo(text, err=True)
 
+    def say(self, text: str) -> None:
+        """Print a text that stays."""
+        if self._thread is None:
+            typer.echo(text, err=True)
+            return
+        sys.stderr.write("\r\x1b[2K")
+        show(text, err=True)
+
     def line(self) -> str:
         """Return the line of a terminal: text, time spent, time left."""
+        spent = spoken(time.monotonic() - self._begun)
+        return f"{self.text}: {spent}{self.left()}" if self.text else f"{spent}{self.left()}"
+
+    def left(self) -> str:
+        """Return the time left in words, with a comma before it; empty where nobody knows."""
         spent, share = time.monotonic() - self._begun, min(max(self.share(), 0.0), 1.0)
-        left = f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
-        return f"{self.text}: {spoken(spent)}{left}" if self.text else f"{spoken(spent)}{left}"
+        return f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
 
     def __enter__(self) -> Self:
         """Begin; the line is drawn beside the work, so that one long step is seen too."""
@@ -176,19 +190,3 @@ def working(text: str, seconds: float = 0.0) -> Iterator[Progress]:
     begun = time.monotonic()
     with Progress(text, (lambda: (time.monotonic() - begun) / seconds) if seconds > 0.0 else None) as progress:
         yield progress
-
-
-def spoken(seconds: float) -> str:
-    """Return a duration in words, with the digits that a person wants.
-
-    >>> spoken(8.2), spoken(75), spoken(4000)
-    ('8 s', '1 min 15 s', '1 h 7 min')
-    """
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
-    if minutes < 60:
-        return f"{minutes} min {rest} s" if minutes < 10 and rest else f"{round(whole / 60)} min"
-    hours, minutes = divmod(round(whole / 60), 60)
-    return f"{hours} h {minutes} min"

@@ -28,6 +28,7 @@ from thermid.measure.amounts import duration_text
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.solver.problem import refuse_unseen
 
 KEPT: Final = 0.6
 """Part of every record that is fitted where the rest is left out to be foreseen."""
@@ -93,6 +94,7 @@ def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapp
 
 
 def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+    refuse_unseen(request.model, "a filter")
     problem = build_problem(request)
     noises = read_process(given, problem.experiments[0].network, request.name)
     starts = _starts(problem, start_sd, noises, request.name)

@@ -18,6 +18,7 @@ from thermid.fit.problem.experiment import Experiment
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.results import Result
+from thermid.simulation.solver.problem import refuse_unseen
 from thermid.simulation.transient import simulate
 
 STRONG, POSSIBLE = 10.0, 2.0
@@ -294,7 +295,9 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     if fit.request is None or fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
-    wanted = any(not t.quiet for t in traces) if elements is None else elements
+    wanted = (any(not t.quiet for t in traces) and fit.model.runner is None) if elements is None else elements
+    if wanted:
+        refuse_unseen(fit.model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
     modes: Modes = {}

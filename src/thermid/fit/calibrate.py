@@ -17,12 +17,13 @@ from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.inputs import inputs_of
-from thermid.fit.minimisation import Fit, covariances, ended, minimise, searched
+from thermid.fit.minimisation import Fit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
 from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
 from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.search import Progress, searched
 from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
 from thermid.fit.uncertainty.information import Information, Responses, elsewhere, responses
@@ -43,8 +44,10 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import NAMES, counted, unit
 
 NOISES, OF_RANGE = 3.0, 0.02
-"""What the autocorrelated part of residuals may be, as a standard deviation: so many noises of the sensor, or so much of what the sensor
-ranged over in the record, whichever is more. [-]"""
+"""What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
+autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
+REFUTED = 1e-3
+"""Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
 
 def own_standing(
@@ -55,7 +58,7 @@ def own_standing(
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
-    short_of += _missed(request, problem, spread) if spread is not None else []
+    short_of += _missed(request, problem, found, spread) if spread is not None else []
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
@@ -72,23 +75,43 @@ def at_bounds(problem: Problem, found: Fit, total: Array) -> list[tuple[Unknown,
     return out
 
 
-def _missed(request: Request, problem: Problem, spread: Autocorrelation) -> list[str]:
+def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelation) -> list[str]:
     """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
     seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
-    found: list[tuple[float, str]] = []
+    scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in found.sums}
+    missed: list[tuple[float, str]] = []
     for t in spread.traces:
         o = seen[t.record, t.sensor]
         sigma = o.sigma(problem.noise)
-        noise = o.noise if o.noise is not None else float(np.sqrt(t.white_variance)) * sigma
-        limit = request.adequate or max(NOISES * noise, OF_RANGE * float(np.ptp(o.measured)))
         size = float(np.sqrt(t.correlated_variance)) * sigma
+        if request.adequate:
+            limit, what = request.adequate, "'adequate'"
+        elif o.noise is not None:
+            size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
+            limit, what = NOISES * o.noise, f"{NOISES:g} times its stated noise"
+        else:
+            limit = max(NOISES * float(np.sqrt(t.white_variance)) * sigma, OF_RANGE * float(np.ptp(o.measured)))
+            what = f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
         if size > limit:
-            what = "'adequate'" if request.adequate else f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
-            found.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
-    if not found:
+            missed.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
+    if not missed:
+        return [] if request.adequate else _refuted(problem, found)
+    first = max(missed)[1]
+    return [f"{first}, and {counted(len(missed) - 1, 'further trace')}" if len(missed) > 1 else first]
+
+
+def _refuted(problem: Problem, found: Fit) -> list[str]:
+    """Return in words that the sum of squares refutes the fit, white residuals or not; nothing where some noise was not stated."""
+    from scipy.special import gammaincc
+
+    freedom, squares = problem.freedom, found.chi_square
+    if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= NOISES**2 * freedom:
         return []
-    first = max(found)[1]
-    return [f"{first}, and {counted(len(found) - 1, 'further trace')}" if len(found) > 1 else first]
+    chance = float(gammaincc(0.5 * freedom, 0.5 * squares))
+    if chance > REFUTED:
+        return []
+    times = short(float(np.sqrt(squares / freedom)))
+    return [f"the residuals are {times} times the stated noise, which the noise refutes (limit {NOISES:g} times)"]
 
 
 def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
@@ -418,6 +441,7 @@ def summarise(
             *loudly(values),
             *far_from_sheet(request.model, values),
             *request.remarks,
+            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
             *_warnings(problem, found, total, spread),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
@@ -436,6 +460,7 @@ def summarise(
         own=alone,
         rests=rests,
         store=store,
+        stopped=found.stopped,
     )
 
 
@@ -572,9 +597,6 @@ def _strained(problem: Problem, found: Fit) -> list[str]:
     ]
 
 
-Progress = Callable[[int, float], None]
-
-
 @takes_objects
 def calibrate(
     model: Model,
@@ -591,6 +613,8 @@ def calibrate(
 ) -> Calibration:
     """Return the fit of some parameters of a model to one or several records.
 
+    The interrupt key ends the search with the best values so far: the calibration is then not credible, "stopped by the user".
+
     Parameters
     ----------
     model : Model               What the hardware is.
@@ -601,7 +625,8 @@ def calibrate(
     priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
-    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals.
+    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
+                                ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
 
     Raises
     ------
@@ -613,30 +638,39 @@ def calibrate(
     wanted, _ = freed(model, free, (), name or model.title)
     known = priors_of(model, priors or {}, name or model.title)
     request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name)
-    return fit(request, progress)
+    return fit(request, progress, stoppable=True)
 
 
-def fit(request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None) -> Calibration:
+def fit(
+    request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None, stoppable: bool = False
+) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
-    `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again.
+    `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again. `stoppable` says
+    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, known)
+    return fit_problem(request, build_problem(request), progress, known, stoppable)
 
 
 def fit_problem(
-    request: Request, problem: Problem, progress: Progress | None = None, known: Mapping[str, float] | None = None
+    request: Request,
+    problem: Problem,
+    progress: Progress | None = None,
+    known: Mapping[str, float] | None = None,
+    stoppable: bool = False,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
-        return _fitted(request, problem, progress, known)
+        return _fitted(request, problem, progress, known, stoppable)
 
 
-def _fitted(request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None) -> Calibration:
+def _fitted(
+    request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None, stoppable: bool
+) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and list(known) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.values())), request.loss, request.loss_scale)
@@ -645,12 +679,12 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
-            found = searched(problem, request.search, request.loss, request.loss_scale, progress)
-            if problem.clocked:
+            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable)
+            if problem.clocked and not found.stopped:
                 problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
-        if not stated:
+        if not stated and not found.stopped:
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
-            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress)
+            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
     if problem.clocked:
         problem = at_clocks(problem, found.fitted)
@@ -658,14 +692,15 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.loss_scale)
-        kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks")}
+        kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
         found = replace(again, **kept)
     spread = autocorrelation(problem, found, request.loss, request.loss_scale)
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
     found = replace(found, remarks=(*found.remarks, *asked))
     try:
-        refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
+        if not found.stopped:
+            refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
         unlogged = (
             f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly

@@ -145,6 +145,7 @@ class Calibration(Renamed, Result):
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
     store : Store               Everything known of the model's values, at every depth.
+    stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
     """
 
     stage: str
@@ -174,6 +175,7 @@ class Calibration(Renamed, Result):
     own: Standing = UNJUDGED
     rests: Mapping[str, Standing] = field(default_factory=dict)
     verdict: Standing | None = None
+    stopped: bool = False
 
     @property
     def standing(self) -> Standing:

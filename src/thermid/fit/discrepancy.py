@@ -8,7 +8,7 @@ respect to their size are the answer of the whole network to it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -19,15 +19,16 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
+from thermid.fit.problem.request import key_for
 from thermid.fit.problem.residuals import Problem
 from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.fit.regime_runs import regimes_of
 from thermid.fit.regimes import KEY as REGIMES
-from thermid.fit.uncertainty.noise import Autocorrelation, binned
+from thermid.fit.uncertainty.noise import Autocorrelation, Binned, answers_to_inputs, autocorrelation_of_traces, binned, score_excess
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, finite, square_root
 from thermid.model.laws.signal import TableSignal
-from thermid.model.parts.kinds import CARRIED_BY
+from thermid.model.parts.kinds import CARRIED_BY, Law
 from thermid.model.tree.flat import FlatConductor, FlatLoad
 from thermid.model.tree.identity import identity_of
 from thermid.network.medium import Media
@@ -49,6 +50,8 @@ EXPONENTS = (1.0 / 5.0, 1.0 / 3.0)
 """Of natural convection with the difference of temperature: 1/5 under a warm plate, 1/4 laminar, 1/3 turbulent (Incropera and others,
 Fundamentals of Heat and Mass Transfer, 2011, 9.6); evenly between. 0 where air is blown, or a solid carries the heat."""
 FREE_AIR, STREAM = "free air", "fan"
+EXPECTED = "expected"
+"""Kind of a mode that is no doubt: the heat that is expected beyond the constant's and the means of the other modes."""
 UNSAID = 0.5
 """Probability of free air where nobody says what carries the heat: one possibility is as likely as the other."""
 BLACKEST = 0.95
@@ -98,8 +101,13 @@ class CoefficientMode:
 
     def names(self, boundaries: Sequence[str]) -> list[str]:
         """Return the loads that stand for it, one per end that is no boundary."""
-        ends = zip(("from", "to"), self.ends, strict=True)
-        return [f"pattern {self.kind} {which} {self.path}" for which, n in ends if n not in boundaries]
+        return names_of_loads(self, boundaries)
+
+
+def names_of_loads(of: CoefficientMode | ExpectedHeat, boundaries: Sequence[str]) -> list[str]:
+    """Return the loads that stand for a heat between two ends, one per end that is no boundary."""
+    ends = zip(("from", "to"), of.ends, strict=True)
+    return [f"pattern {of.kind} {which} {of.path}" for which, n in ends if n not in boundaries]
 
 
 def constant_coefficients(network: Network) -> dict[str, FlatConductor]:
@@ -185,13 +193,103 @@ def conditions_of(found: Sequence[Mapping[str, FlowHistory]]) -> dict[str, Opera
     return out
 
 
+@dataclass(frozen=True)
+class ExpectedHeat:
+    """What the heat of a coefficient is expected to be beside that of the constant, and how it holds its own difference down.
+
+    Parameters
+    ----------
+    path : str
+    ends : (str, str)
+    watts : TableSignal     From the first end to the second, less what a unit of each mode adds times the mean of that mode. [W]
+    stiffness : float       Conductance beside the constant one by which the heat follows the difference, about `about`. [W/K]
+    about : Array           Difference of temperature of the run of the model (times,). [K]
+    kind, mean, sd, unsaid  As those of a mode: it is sure, and of size 1.
+    """
+
+    path: str
+    ends: tuple[str, str]
+    watts: TableSignal
+    stiffness: float
+    about: Array
+    kind: str = EXPECTED
+    mean: float = 1.0
+    sd: float = 0.0
+    unsaid: float = 0.0
+
+    def names(self, boundaries: Sequence[str]) -> list[str]:
+        """Return the loads that stand for it, one per end that is no boundary."""
+        return names_of_loads(self, boundaries)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """What is possible of one coefficient: probability of free air, of radiation, radiative share if there is some, and its spread."""
+
+    free: float
+    lit: float
+    share: float
+    spread: float
+    known: bool
+
+    @property
+    def exponent(self) -> float:
+        """Mean exponent in free air. [-]"""
+        return 0.5 * sum(EXPONENTS)
+
+    @property
+    def of_convection(self) -> float:
+        """Part of the radiative share's effect that convection, which it takes the place of, has with a growing coefficient. [-]"""
+        return self.free if self.known or self.free == 1.0 else 0.0
+
+    def grown(self, ratio: Array) -> Array:
+        """Return what convection grows by in free air (times,), at ratios of differences. [-]"""
+        return np.asarray(np.expm1(self.exponent * np.log(ratio)))
+
+    def per_exponent(self, ratio: Array) -> Array:
+        """Return what one more of the exponent adds to the heat (times,), in parts of the constant's.
+
+        In free air the tangent at its mean; where that is not said, the way from none to free air. [-]
+        """
+        return self.grown(ratio) / self.exponent if self.free < 1.0 else np.log(ratio) * (1.0 + self.grown(ratio))
+
+    def per_share(self, ratio: Array, warmer: Array) -> Array:
+        """Return what one more of the radiative share adds to the heat (times,), in parts of the constant's. [-]"""
+        return warmer - self.of_convection * self.grown(ratio)
+
+    def expected(self, ratio: Array, warmer: Array) -> Array:
+        """Return the expected heat beyond the constant's (times,), in parts of that. [-]"""
+        return self.free * (1.0 - self.share) * self.grown(ratio) + self.lit * self.share * warmer
+
+
+def _way(c: FlatConductor, radiates: bool, coefficient: float, at: OperatingPoint, values: Mapping[str, Any]) -> _Way:
+    share, spread = _radiative(c, coefficient, at, values) if radiates else (0.0, 0.0)
+    free = {FREE_AIR: 1.0, "": UNSAID}.get(c.words.get(CARRIED_BY, ""), 0.0)
+    known = bool(c.emissivity)
+    return _Way(free, 1.0 if known else free, share, spread, known)  # an emissivity of the deck radiates whatever carries the rest
+
+
+def _ways(
+    network: Network, found: Mapping[str, FlowHistory], reference: Mapping[str, OperatingPoint], values: Mapping[str, Any]
+) -> dict[str, tuple[FlatConductor, _Way]]:
+    """Return path -> conductor and what is possible of it, of every constant coefficient that acts in a run."""
+    radiating = {c.path.removesuffix(".radiation") for c in network.flat.conductors if c.kind == "radiation"}
+    out = {}
+    for path, c in constant_coefficients(network).items():
+        if path in found and path in reference:
+            radiates = path not in radiating and c.words.get(CARRIED_BY, FREE_AIR) in (FREE_AIR, STREAM)
+            out[path] = c, _way(c, radiates, float(value_of(values[coefficient_path(c)])), reference[path], values)
+    return out
+
+
+def _growth(course: FlowHistory, at: OperatingPoint) -> tuple[Array, Array]:
+    """Return the ratio of differences, and what linearised radiation grows by with the level (times,). [-]"""
+    ratio = np.maximum(course.difference, SMALL * at.difference) / at.difference
+    return ratio, (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
+
+
 def patterns_of(
-    network: Network,
-    times: Array,
-    found: Mapping[str, FlowHistory],
-    reference: Mapping[str, OperatingPoint],
-    values: Mapping[str, Any],
-    expected: Mapping[str, float] | None = None,
+    network: Network, times: Array, found: Mapping[str, FlowHistory], reference: Mapping[str, OperatingPoint], values: Mapping[str, Any]
 ) -> list[CoefficientMode]:
     """Return the patterns of every constant coefficient in a run, about the conditions where each was found.
 
@@ -202,32 +300,64 @@ def patterns_of(
     found : dict            Path -> course.
     reference : dict        Path -> where its coefficient was found.
     values : dict           Path of a parameter -> value. [SI]
-    expected : dict         Path -> exponent by which the heat of the pattern is right, not to first order alone. [-]
+
+    Notes
+    -----
+    A coefficient G0 that was found at a difference d0 and a level T0 is, in free air, ``G0 ((1 - s) (d/d0)^n + s (T/T0)^3)`` with the
+    exponent n and the radiative share s. Modes are ``n (1 - s)``, with s at its mean, and s; what each adds is the derivative there.
     """
-    radiating = {c.path.removesuffix(".radiation") for c in network.flat.conductors if c.kind == "radiation"}
     out = []
-    for path, c in constant_coefficients(network).items():
-        if path not in found or path not in reference:
-            continue
-        course, at = found[path], reference[path]
-        radiates = path not in radiating and c.words.get(CARRIED_BY, FREE_AIR) in (FREE_AIR, STREAM)
-        share, spread = _radiative(c, value_of(values[coefficient_path(c)]), at, values) if radiates else (0.0, 0.0)
-        free = {FREE_AIR: 1.0, "": UNSAID}.get(c.words.get(CARRIED_BY, ""), 0.0)
-        lit = 1.0 if c.emissivity else free  # an emissivity of the deck radiates whatever carries the rest
-        grown = np.log(np.maximum(course.difference, SMALL * at.difference) / at.difference)
-        exponent = (expected or {}).get(path, 0.0)
-        grown = np.expm1(exponent * grown) / exponent if exponent else grown
-        warmer = (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
-        low, high = EXPONENTS
+    low, high = EXPONENTS
+    for path, (c, way) in _ways(network, found, reference, values).items():
+        course = found[path]
+        ratio, warmer = _growth(course, reference[path])
+        own, share = 1.0 - way.share, (way.share, way.share**2 + way.spread**2)
         # of a coefficient that is part radiation only the rest grows with the difference
-        grows = 0.5 * (low + high) * (1.0 - share), (low**2 + low * high + high**2) / 3.0 * ((1.0 - share) ** 2 + spread**2)
-        ways = (("difference", free, *grows, grown), ("level", lit, share, share**2 + spread**2, warmer))
+        grows = way.exponent * own, (low**2 + low * high + high**2) / 3.0 * own**2
+        ways = (("difference", way.free, *grows, way.per_exponent(ratio)), ("level", way.lit, *share, way.per_share(ratio, warmer)))
         for kind, probability, mean, square, course_of in ways:
             if probability * mean > 0.0:
                 sd = float(np.sqrt(probability * square - (probability * mean) ** 2))
                 unsaid = float(np.sqrt(probability * (1.0 - probability))) * mean / sd
                 watts = TableSignal(times, course.heat * course_of, False)
                 out.append(CoefficientMode(path, kind, probability * mean, sd, c.ends, watts, unsaid))
+    return out
+
+
+def expected_heats(
+    network: Network,
+    times: Array,
+    found: Mapping[str, FlowHistory],
+    reference: Mapping[str, OperatingPoint],
+    values: Mapping[str, Any],
+    plain: Mapping[str, FlowHistory],
+    modes: Sequence[CoefficientMode],
+) -> list[ExpectedHeat]:
+    """Return the expected heat of every constant coefficient in a run, and by what conductance it follows the difference.
+
+    A coefficient that grows with the difference holds it down: an error of its heat moves the temperatures by less than it would beside
+    the constant. `found` are courses at the temperatures that are expected, `plain` those of the run of the model.
+    """
+    out = []
+    for path, (c, way) in _ways(network, found, reference, values).items():
+        course, before = found[path], plain[path].first - plain[path].second
+        ratio, warmer = _growth(course, reference[path])
+        level = reference[path].level
+        own = [x for x, end in zip((course.first, course.second), c.ends, strict=True) if end not in network.boundaries]
+        steeper = np.mean([(x / level) ** 3 for x in own], axis=0) - 1.0 if own else np.zeros(times.size)
+        slope = way.free * (1.0 - way.share) * (way.grown(ratio) * (1.0 + way.exponent) + way.exponent) + way.lit * way.share * steeper
+        weight = np.abs(course.heat)
+        apart = course.first - course.second
+        flowing = np.abs(apart) > SMALL * reference[path].difference
+        if not (weight[flowing] > 0.0).any():
+            continue
+        constant = float(weight[flowing].sum() / np.abs(apart[flowing]).sum())
+        said = CARRIED_BY in c.words  # otherwise the coefficient may be constant, and the wider band stands
+        stiffness = max(0.0, constant * float(weight @ slope / weight.sum())) if said else 0.0
+        mean = {m.kind: m.mean for m in modes if m.path == path}
+        moved = mean.get("difference", 0.0) * way.per_exponent(ratio) + mean.get("level", 0.0) * way.per_share(ratio, warmer)
+        watts = course.heat * (way.expected(ratio, warmer) - moved) - stiffness * (apart - before)
+        out.append(ExpectedHeat(path, c.ends, TableSignal(times, watts, False), stiffness, before))
     return out
 
 
@@ -259,16 +389,39 @@ def _radiative(c: FlatConductor, coefficient: float, at: OperatingPoint, values:
     return 0.5 * most, most / float(np.sqrt(12.0))
 
 
-def with_patterns(network: Network, scenario: Scenario, patterns: Sequence[CoefficientMode]) -> tuple[Network, Scenario]:
-    """Return a network and its scenario with a pair of loads for every pattern; ``scale.<load>`` frees their size."""
-    loads, powers = [], {}
+@dataclass(frozen=True)
+class _Held:
+    """A recipe of a conductance that no deck has."""
+
+    conductance: float
+
+    def __call__(self, fields: Mapping[str, Any]) -> Law:
+        return Law("linear", (self.conductance,))
+
+
+def with_patterns(network: Network, scenario: Scenario, patterns: Sequence[CoefficientMode | ExpectedHeat]) -> tuple[Network, Scenario]:
+    """Return a network and its scenario with a pair of loads for every pattern; ``scale.<load>`` frees their size.
+
+    What holds a difference down is a conductance beside the constant one, and the heat that it would take from the run of the model back.
+    """
+    loads: list[FlatLoad] = []
+    more: list[FlatConductor] = []
+    powers = {}
+
+    def pair(name: str, at: str, watts: TableSignal) -> None:
+        loads.append(FlatLoad(name, at, at, {}))
+        powers[name] = watts
+
     for p in patterns:
         for name in p.names(network.boundaries):
             away = " from " in name
-            node = p.ends[0] if away else p.ends[1]
-            loads.append(FlatLoad(name, node, node, {}))
-            powers[name] = replace(p.watts, values=-p.watts.values) if away else p.watts
-    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
+            pair(name, p.ends[0] if away else p.ends[1], replace(p.watts, values=-p.watts.values) if away else p.watts)
+        if isinstance(p, ExpectedHeat) and p.stiffness:
+            more.append(FlatConductor(f"stiffness of {p.path}", "conduction", p.ends, {}, recipe=_Held(p.stiffness)))
+            for end, sign in zip(p.ends, (1.0, -1.0), strict=True):
+                if end not in network.boundaries:
+                    pair(f"stiffness {sign:+g} of {p.path}", end, replace(p.watts, values=sign * p.stiffness * p.about))
+    flat = replace(network.flat, loads=(*network.flat.loads, *loads), conductors=(*network.flat.conductors, *more))
     return replace(network, flat=flat), scenario.with_(loads=powers)
 
 
@@ -311,6 +464,22 @@ ALIKE = 0.5
 """Correlation of two surfaces' exponents, and of their radiative shares: half of what they do not follow is the room's, half their own."""
 
 
+@dataclass(frozen=True)
+class Accounted:
+    """What is left of a fit's noise and misfit once what its constant coefficients leave out is counted by itself.
+
+    Parameters
+    ----------
+    key : str       Of the stage: its sources of noise begin with it.
+    noise : dict    Fitted value -> its error by noise, in parts of the one that it has with the fit. [-]
+    misfit : dict   Node -> standard deviation of what still wanders. [K]
+    """
+
+    key: str
+    noise: Mapping[str, float]
+    misfit: Mapping[str, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Discrepancy(Result):
     """What a fit leaves open in its model's structure; kept with its values, so that a file says what the fit does.
@@ -327,6 +496,7 @@ class Discrepancy(Result):
     unsaid : dict                   (path, kind) -> correlation with what carries the heat, where the deck does not say it. [-]
     assumed : dict                  Assumed value of a deck -> what the fit would have found for one more of its SI unit, less what it
                                     found (names,); fitted form.
+    accounted : Accounted or None   What is left of noise and misfit where the deck says what carries the heat.
     """
 
     conditions: Mapping[str, OperatingPoint]
@@ -339,6 +509,7 @@ class Discrepancy(Result):
     separated: tuple[str, ...] = ()
     assumed: Mapping[str, Array] = field(default_factory=dict)
     unsaid: Mapping[Key, float] = field(default_factory=dict)
+    accounted: Accounted | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -361,6 +532,7 @@ class Discrepancy(Result):
             "surfaces": {p: list(at) for p, at in self.surfaces.items()},
             "separated": list(self.separated),
             "assumed": {p: moved.tolist() for p, moved in self.assumed.items()},
+            **({"accounted": asdict(self.accounted)} if self.accounted is not None else {}),
         }
 
     @classmethod
@@ -379,6 +551,7 @@ class Discrepancy(Result):
             tuple(data["separated"]),
             {p: np.array(moved, dtype=float) for p, moved in data.get("assumed", {}).items()},
             {(m["path"], m["kind"]): float(m["unsaid"]) for m in modes if m.get("unsaid")},
+            Accounted(**data["accounted"]) if data.get("accounted") else None,
         )
 
     @cached_property
@@ -451,15 +624,19 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
     conditions |= {p: c for known in before for p, c in operating_points(known).items() if p in conditions and p not in decided}
-    ways = []
+    ways: list[list[CoefficientMode | ExpectedHeat]] = []
     for bench, (times, found), here in zip(problem.benches(), runs, own, strict=True):
         network = bench.wiring.network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()} if here else {}).values
-        ways.append(patterns_of(network, times, found, conditions, values) if here else [])
+        modes = patterns_of(network, times, found, conditions, values) if here else []
+        heats = expected_heats(network, times, found, conditions, values, found, modes)
+        ways.append([*modes, *(replace(h, stiffness=0.0) for h in heats if h.path in {m.path for m in modes})])
     sizes = {(p.path, p.kind): p.sd for several in ways for p in several}
     means = {(p.path, p.kind): p.mean for several in ways for p in several}
     unsaid = {(p.path, p.kind): p.unsaid for several in ways for p in several if p.unsaid}
-    response = _response(fit, problem, at, ways, list(sizes))
+    more = np.concatenate([at, np.zeros(len(sizes))])
+    pieces = binned(_with_ways(problem, ways, list(sizes)), more, fit.loss) if sizes and problem.unknowns else {}
+    response = _moved_in(fit, problem, more, pieces) if pieces else np.zeros((len(problem.unknowns), len(sizes)))
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
@@ -467,6 +644,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     rows = [place[n] for n in names]
     assumed = {p: moved[rows] for p, moved in _moved_by_assumed(fit, problem, at).items()}
     kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed, unsaid)
+    kept = replace(kept, accounted=_accounted(fit, problem, kept, response, pieces))
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     regimes = regimes_of(fit, misfit)
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
@@ -506,11 +684,8 @@ def operating_points(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]
     return {p: OperatingPoint(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
-def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequence[CoefficientMode]], keys: Sequence[Key]) -> Array:
-    """Return d fitted / d pattern (unknowns, patterns): ``-C J'K``, K the derivatives of the weighted residuals to the patterns."""
-    size = len(problem.unknowns)
-    if not size or not keys:
-        return np.zeros((size, len(keys)))
+def _with_ways(problem: Problem, ways: Sequence[Sequence[CoefficientMode | ExpectedHeat]], keys: Sequence[Key]) -> Problem:
+    """Return a problem with the size of every pattern as a further unknown."""
     targets: dict[Key, list[Influence]] = {k: [] for k in keys}
     experiments = []
     for i, (experiment, several) in enumerate(zip(problem.experiments, ways, strict=True)):
@@ -519,8 +694,47 @@ def _response(fit: Calibration, problem: Problem, at: Array, ways: Sequence[Sequ
         for p in several:
             targets[p.path, p.kind] += [Influence(i, f"scale.{n}") for n in p.names(network.boundaries)]
     more = tuple(Unknown(f"{kind} {path}", "pattern", tuple(t), 0.0) for (path, kind), t in targets.items())
-    wide = replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
-    return _moved_by(fit, problem, wide, np.concatenate([at, np.zeros(len(more))]))
+    return replace(problem, experiments=tuple(experiments), unknowns=(*problem.unknowns, *more), coupled=())
+
+
+def _accounted(
+    fit: Calibration, problem: Problem, kept: Discrepancy, response: Array, pieces: Mapping[tuple[str, str], Binned]
+) -> Accounted | None:
+    """Return what is left of noise and misfit once what coefficients are known to do is counted by itself; None where it is not known.
+
+    What wanders in the residuals is, where a deck states free air, mostly what a constant coefficient cannot follow of it. A band that
+    counts the law counts that already. The residuals less what is expected of it, with what is doubtful of it as further causes, tell
+    what else wanders.
+
+    Parameters
+    ----------
+    response : array (unknowns, patterns)   What the fit would have found for a unit of each pattern, less what it found.
+    pieces : dict                           Residuals in stretches, with derivatives to unknowns and patterns.
+    """
+    if not kept.sizes or kept.unsaid or fit.request is None:
+        return None
+    size = len(problem.unknowns)
+    found = ended(problem, np.array(list(fit.fitted.values())), fit.loss)
+    means, root = np.array(list(kept.means.values())), kept.root
+    own = {key: replace(b, slopes=b.slopes[:, :size]) for key, b in pieces.items()}
+    answers = {key: b.slopes[:, size:] + b.slopes[:, :size] @ response for key, b in pieces.items()}
+    calm = {key: replace(b, mean=b.mean + answers[key] @ means) for key, b in own.items()}
+    less = sum(float(b.count @ (calm[key].mean ** 2 - b.mean**2)) for key, b in own.items())
+    calm = {k: replace(b, squares=b.squares + float(b.count @ (b.mean**2 - own[k].mean ** 2))) for k, b in calm.items()}
+    inputs = answers_to_inputs(problem, found.fitted, own)
+    causes = {key: np.concatenate([inputs.get(key, np.zeros((a.shape[0], 0))), a @ root], axis=1) for key, a in answers.items()}
+    left = autocorrelation_of_traces(calm, replace(found, chi_square=found.chi_square + less), problem.effective_samples, causes)
+    excess = score_excess(own, left.traces, left.variance_factor, inputs)
+    was = fit.autocorrelation
+    assert was is not None
+    before = np.diag(finite(covariances(found, was.variance_factor, was.score_excess)[1]))
+    after = np.diag(finite(covariances(found, left.variance_factor, excess)[1]))
+    names = [u.name for u in problem.unknowns]
+    place = [names.index(n) for n in kept.names]
+    parts = np.clip(after[place] / np.where(before[place] > 0.0, before[place], np.inf), 0.0, 1.0) ** 0.5
+    noise = dict(zip(kept.names, parts.tolist(), strict=True))
+    misfit = misfit_found(problem, left)
+    return Accounted(key_for(fit.request)[:16], noise, {n: min(x, kept.misfit.get(n, x)) for n, x in misfit.items()})
 
 
 def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> dict[str, Array]:
@@ -549,11 +763,16 @@ def _moved_by(fit: Calibration, problem: Problem, wide: Problem, at: Array) -> A
 
     `at` are the unknowns of `wide` at the end of the fit.
     """
+    return _moved_in(fit, problem, at, binned(wide, at, fit.loss))
+
+
+def _moved_in(fit: Calibration, problem: Problem, at: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
+    """Return the same of residuals in stretches of time, with derivatives to all unknowns of the wide problem."""
     size = len(problem.unknowns)
     level = max(1.0, fit.reduced_chi_square)
     known = finite(covariances(ended(problem, at[:size], fit.loss), level)[2])
     cross = np.zeros((size, at.size - size))
-    for b in binned(wide, at, fit.loss).values():
+    for b in pieces.values():
         cross += b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:])
     return np.asarray(-known @ cross / level)
 

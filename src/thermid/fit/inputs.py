@@ -199,6 +199,13 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
             words = "fitted here" if fitted else f"from {origin}" if origin in laid else ""
             yield Input(record, "load", name, "deck", words, power, power, power, fitted)
         else:
+            if e.model.runner is not None:
+                power = e.model.runner.powers.get(name, power)
+                words = (
+                    f"no log column gives it: the start of the FMU for the whole record. To drive it, bind a column with load = '{name}'"
+                )
+                yield Input(record, "load", name, "assumed", words, power, power, power)
+                continue
             words = (
                 f"the power of '{name}' is that of the deck for the whole record, because no log column gives it. If it was "
                 f"switched, bind a column with load = '{name}'"
@@ -213,6 +220,7 @@ def _starts(request: Request, e: Experiment) -> Iterator[Input]:
     readings = {**e.readings, **{_place(e, n): r.channel for n, r in request.readings.items() if n.startswith("initial.")}}
     massive = {n.path for n in e.network.flat.nodes if n.fields} - {*e.tips}
     written = request.scenario(e.record).start
+    given = {e.network.find(n) for n in request.scenario(e.record).initial}
     for node in (n for n in e.network.nodes if n in massive):
         value = _number(e, e.scenario.initial.get(node, e.scenario.start))
         source: tuple[Source, str] = "scenario", f"start = '{written}'" if node not in e.scenario.initial else ""
@@ -227,6 +235,10 @@ def _starts(request: Request, e: Experiment) -> Iterator[Input]:
             source, fitted = ("log", f"first reading of {own[node]}"), request.fit_start
         elif node in readings:
             source = "log", f"first reading of {readings[node]}"
+        elif e.model.runner is not None and node not in e.model.runner.starts:
+            source, value = ("deck", "follows from others in the FMU"), NAN
+        elif e.model.runner is not None and written == "" and node not in given:
+            source = "assumed", "no sensor: the start of the FMU"
         elif node not in e.scenario.initial and written == "":
             source = "assumed", "no sensor; the log begins at rest"
         yield Input(e.record.name, "start", node, *source, value, value, value, fitted)

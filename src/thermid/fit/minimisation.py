@@ -1,26 +1,23 @@
-"""Bounded weighted least squares on exact derivatives, beyond one valley where that is asked, and the covariance at the end.
+"""Bounded weighted least squares on exact derivatives: one descent, and the covariance at its end.
 
-In: a `Problem`, a loss, a way of searching. Out: a `Fit`: where it ended, its derivatives there, and how it got there; and covariances.
-Several starts, differential evolution and covariance matrix adaptation look at members run side by side; least squares always ends it.
+In: a `Problem`, a loss, a start. Out: a `Fit`: where it ended, its derivatives there, and how it got there; and covariances. The interrupt
+key ends a descent with the best values so far. Starts beyond one: `fit.search`.
 May import: `fit.problem` and the rooms below a fit.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, SolverError, refuse_unknown
-from thermid.extensions import optional
-from thermid.fit.problem.residuals import FAILED, Compressed, Problem, Sums, loss_of
+from thermid.fit.problem.residuals import FAILED, Compressed, Sums
 from thermid.fit.problem.unknowns import Unknown, starting_point
-from thermid.linear_algebra import NOTHING, Array, covariance, finite, pseudo_inverse, sandwich
-from thermid.simulation.ensemble import run_members
+from thermid.linear_algebra import NOTHING, Array, covariance, finite, sandwich
+from thermid.units import counted
 
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
@@ -71,6 +68,7 @@ class Fit:
     converged : bool
     search : str                            What was looked at beyond one descent; empty for nothing.
     remarks : tuple of str                  What a reader must know of it.
+    stopped : bool                          Whether the interrupt key ended it; it then stands at the best values so far.
     """
 
     fitted: Array
@@ -84,6 +82,7 @@ class Fit:
     converged: bool
     search: str = ""
     remarks: tuple[str, ...] = ()
+    stopped: bool = False
 
 
 class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong
@@ -102,6 +101,7 @@ class _Search:
     ) -> None:
         self.problem, self.loss, self.loss_scale, self.progress, self.done = problem, loss, loss_scale, progress, done
         self.count = 0
+        self.best: tuple[float, Array] | None = None
         self.fine = False
         self.scale = np.array([u.scale for u in problem.unknowns])
         self._settled: Array | None = None
@@ -139,9 +139,13 @@ class _Search:
             square = samples * FAILED**2
             rows = np.zeros(next(iter(self._known.values())).rows.size)
             rows[-1] = np.sqrt(square)
+        out = np.concatenate([rows, self.problem.prior_rows(x)[0]])
+        cost = float(out @ out)
+        if self.best is None or cost < self.best[0]:
+            self.best = cost, x.copy()
         if self.progress is not None:
             self.progress(self.count, float(np.sqrt(square / samples)))
-        return np.concatenate([rows, self.problem.prior_rows(x)[0]])
+        return out
 
     def slopes(self, x: Array) -> Array:
         """Return their derivatives, unless the step of Gauss and Newton from here is not worth a run."""
@@ -164,6 +168,7 @@ def minimise(
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
+    stoppable: bool = False,
 ) -> Fit:
     """Return the least-squares fit of a problem.
 
@@ -175,6 +180,7 @@ def minimise(
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
     done : float            The search ends once the step ahead is below this part of a standard error. [-]
+    stoppable : bool        Whether the interrupt key ends it with the best values so far, once there are any: `Fit.stopped`, not converged.
 
     Raises
     ------
@@ -189,10 +195,16 @@ def minimise(
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
     search = _Search(problem, loss, loss_scale, progress, done)
-    for fine in (False, True):
-        search.fine = fine
-        search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
-        at, message, converged = _searched(search, at, (low, high))
+    try:
+        for fine in (False, True):
+            search.fine = fine
+            search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
+            at, message, converged = _searched(search, at, (low, high))
+    except KeyboardInterrupt:
+        if search.best is None or not stoppable:
+            raise
+        at, message = search.best[1], f"stopped by the user after {counted(search.count, 'evaluation')}, at the best values so far"
+        return replace(_fit_at(problem, at, search.at(at), search.count, message, False), stopped=True)
     return _fit_at(problem, at, search.at(at), search.count, message, converged)
 
 
@@ -260,270 +272,3 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     spread = data @ known
     added = sandwich(known, excess) / level**2 if excess is not None else np.zeros_like(known)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights
-
-
-Progress = Callable[[int, float], None]
-
-DECADE = math.log(10.0)
-SEARCHES = ("auto", "local", "multistart", "differential evolution", "cma")
-SCREENED, DESCENTS = 64, 5
-"""How many points of the box are looked at without derivatives, and from how many of the best of them least squares descends."""
-APART = 0.15
-"""Two starts lie apart when they differ by this part of the box in some parameter."""
-TWICE = 4.0
-"""Residuals of twice the stated noise, as a reduced chi-square, make one valley doubtful."""
-GENERATIONS = 300
-
-
-@dataclass(frozen=True, eq=False)
-class Population:
-    """The parameters of a problem over a box; all other unknowns (constant errors, temperatures of single records) stay at their start.
-
-    Parameters
-    ----------
-    problem : Problem
-    loss : str                  linear, soft_l1, huber or cauchy.
-    loss_scale : float          Residual, in units of the noise, from which the loss bends.
-    at : array (parameters,)    Positions of the parameters among the unknowns.
-    low, high : array           Corners of the box, in the fitted form.
-    """
-
-    problem: Problem
-    loss: str
-    loss_scale: float
-    at: NDArray[np.int64]
-    low: Array
-    high: Array
-
-    @classmethod
-    def of(cls, problem: Problem, loss: str, loss_scale: float) -> Population:
-        """Return the population of a problem."""
-        at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
-        corners = np.array([box_of(problem.unknowns[k]) for k in at]).reshape(-1, 2)
-        return cls(problem, loss, loss_scale, at, corners[:, 0], corners[:, 1])
-
-    @property
-    def start(self) -> Array:
-        """The start of all unknowns (unknowns,), in the fitted form."""
-        return starting_point(self.problem.unknowns)
-
-    def placed(self, shares: Array) -> Array:
-        """Return points of the unit cube (members, parameters) as values of all unknowns (members, unknowns), in the fitted form."""
-        out = np.tile(self.start, (shares.shape[0], 1))
-        out[:, self.at] = self.low + shares * (self.high - self.low)
-        return out
-
-    def share(self, fitted: Array) -> Array:
-        """Return where values of all unknowns lie in the unit cube (parameters,)."""
-        return np.asarray(np.clip((fitted[self.at] - self.low) / (self.high - self.low), 0.0, 1.0))
-
-    def costs(self, shares: Array) -> Array:
-        """Return half the weighted sum of squares (members,) at points of the unit cube, priors included; infinite where a run fails."""
-        points = self.placed(shares)
-        cost = np.array([float(r @ r) for r in (self.problem.prior_rows(p)[0] for p in points)])
-        for i, bench in enumerate(self.problem.benches()):
-            seen = bench.experiment.observations
-            inputs = np.array([self.problem.inputs(i, p)[0] for p in points])
-            draws = dict(zip(bench.free, inputs.T, strict=True))
-            nodes = list(dict.fromkeys(o.node for o in seen))
-            times, options = bench.experiment.times, self.problem.options
-            found = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
-            for o in seen:
-                bias, _ = self.problem._bias(o.sensor, points[0])
-                residuals = (o.measured[:, None] - found.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
-                cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
-        return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
-
-
-def box_of(unknown: Unknown) -> tuple[float, float]:
-    """Return where an unknown is looked for, in its fitted form.
-
-    Its bounds, cut at four standard deviations of its prior; where it has neither, a factor of ten either way of the start of a positive
-    quantity, and twice a typical change of any other.
-    """
-    low, high = unknown.fitted_bounds()
-    middle, reach = unknown.to_fitted(unknown.start), DECADE if unknown.log else 2.0 * unknown.scale
-    if unknown.prior is not None:
-        middle, reach = unknown.prior.mean, 4.0 * unknown.prior.sd
-        low, high = max(low, middle - reach), min(high, middle + reach)
-    low = low if math.isfinite(low) else min(middle - reach, high - reach)
-    return low, high if math.isfinite(high) else max(middle + reach, low + reach)
-
-
-def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress: Progress | None = None) -> Fit:
-    """Return the best fit that a search finds, all of its evaluations counted.
-
-    Parameters
-    ----------
-    problem : Problem
-    how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
-                            ``auto``: these only where the first descent ends at a bound, unfinished, or with residuals of more than twice
-                            the stated noise. ``differential evolution`` and ``cma``: a population over the box, then one descent.
-    loss, loss_scale, progress    As in `minimise`.
-
-    Raises
-    ------
-    IdentificationError     When there is no such search.
-    SolverError             When the model cannot be run at the start.
-    """
-    refuse_unknown([how], SEARCHES, "", "unknown search '{}'. Use one of {known}.", IdentificationError)
-    population = Population.of(problem, loss, loss_scale)
-    if not population.at.size or how == "local":
-        return minimise(problem, loss, loss_scale, progress=progress)
-    if how in ("differential evolution", "cma"):
-        found = evolved(population, how)
-        end = minimise(problem, loss, loss_scale, population.placed(found.share[None, :])[0], progress)
-        words = f"{how}: {found.evaluations} members, cost {found.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
-        return replace(end, evaluations=end.evaluations + found.evaluations, search=words)
-    first = minimise(problem, loss, loss_scale, progress=progress)
-    why = doubts(problem, first) if how == "auto" else "as asked"
-    return _descended(population, first, why, progress) if why else first
-
-
-def doubts(problem: Problem, found: Fit) -> str:
-    """Return why one descent may have ended in the wrong valley, or an empty text."""
-    if not found.converged:
-        return "the first descent did not converge"
-    error = _errors(problem, found)
-    for k, u in enumerate(problem.unknowns):
-        near = max(1e-4 * u.scale, 0.02 * float(error[k]))
-        if u.kind == "parameter" and any(abs(found.fitted[k] - b) < near for b in u.fitted_bounds()):
-            return f"'{u.name}' ended at its bound"
-    stated = all(o.noise is not None for o in problem.observations())
-    times = _level(problem, found)
-    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
-
-
-def _level(problem: Problem, found: Fit) -> float:
-    """Return the weighted sum of squares per degree of freedom. [-]"""
-    return found.chi_square / max(problem.freedom, 1.0)
-
-
-def _errors(problem: Problem, found: Fit) -> Array:
-    """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
-    rows = np.concatenate([found.jacobian / np.sqrt(max(1.0, _level(problem, found))), found.priors])
-    return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows, NOTHING))))
-
-
-def _descended(population: Population, first: Fit, why: str, progress: Progress | None) -> Fit:
-    """Return the best of the first descent and of those from the best points of the box."""
-    problem = population.problem
-    shares = _spread_out(population)
-    costs = population.costs(shares)
-    ends, count = [first], SCREENED + first.evaluations
-    taken = [population.share(first.fitted), population.share(population.start)]
-    for k in np.argsort(costs):
-        if len(ends) > DESCENTS or not np.isfinite(costs[k]):
-            break
-        if min(np.abs(shares[k] - t).max() for t in taken) < APART:
-            continue
-        taken.append(shares[k])
-        try:
-            ends.append(minimise(problem, population.loss, population.loss_scale, population.placed(shares[k : k + 1])[0], progress))
-        except SolverError:
-            continue
-        count += ends[-1].evaluations
-    best = min(ends, key=lambda f: (round(f.cost, 6), f is not first))
-    words, remarks = _valleys(problem, best, ends, first)
-    return replace(best, evaluations=count, search=f"multistart, {why}: {SCREENED} points, {words}", remarks=remarks)
-
-
-def _spread_out(population: Population) -> Array:
-    """Return points of the unit cube (SCREENED, parameters), spread evenly (Sobol, scrambled)."""
-    from scipy.stats import qmc
-
-    return np.asarray(qmc.Sobol(population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
-
-
-def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:
-    """Return what the ends of all descents say: in words, and remarks on other values that fit as well."""
-    error = _errors(problem, best)
-    error = np.where(error > 0.0, error, np.inf)  # a value without an error, at a bound, does not separate ends
-    same = [bool((np.abs(f.fitted - best.fitted) <= 0.5 * error).all()) for f in ends]
-    words = f"{len(ends)} descents, {sum(same)} of which ended at the same values"
-    others = [f for f, s in zip(ends, same, strict=True) if not s]
-    if others:
-        words += f"; the next best costs {min(f.cost for f in others) / best.cost:.4g} times as much"
-    if first.cost > best.cost * (1 + 1e-6) and not same[ends.index(first)]:
-        words += f"; the descent from the given start ended at {first.cost / best.cost:.4g} times the best cost"
-    remarks = []
-    for other in (f for f in others if f.cost - best.cost < 2.0 * max(1.0, _level(problem, best))):
-        k = int(
-            np.argmax(
-                [
-                    abs(d) if u.kind == "parameter" else 0.0
-                    for u, d in zip(problem.unknowns, (other.fitted - best.fitted) / error, strict=True)
-                ]
-            )
-        )
-        u = problem.unknowns[k]
-        there, here = u.to_value(float(other.fitted[k])), u.to_value(float(best.fitted[k]))
-        remarks.append(
-            f"other values fit equally well: '{u.name}' could also be {there / here:.3g} times the reported value. Give it a prior or "
-            "tighter bounds."
-        )
-    return words, tuple(dict.fromkeys(remarks))
-
-
-@dataclass(frozen=True, eq=False)
-class Evolved:
-    """The end of a population: the best point of the unit cube (parameters,), its cost, and how many members were run."""
-
-    share: Array
-    cost: float
-    evaluations: int
-
-
-def evolved(population: Population, how: str, seed: int = 1) -> Evolved:
-    """Return the best member of a population that evolved over the box.
-
-    Differential evolution: Storn and Price, J. Global Optim. 11 (1997) 341, in scipy. Covariance matrix adaptation: Hansen, arXiv
-    1604.00772, in the package cma.
-    """
-    return _differential(population, seed) if how == "differential evolution" else _adapted(population, seed)
-
-
-def _differential(population: Population, seed: int) -> Evolved:
-    from scipy.optimize import Bounds, differential_evolution
-
-    count = 0
-
-    def costs(points: Array, /) -> Any:  # one cost per member, which the stubs of scipy do not know of
-        nonlocal count
-        shares = np.atleast_2d(points.T)
-        count += shares.shape[0]
-        return _finite(population.costs(shares))
-
-    found = differential_evolution(
-        costs,
-        Bounds(np.zeros(population.at.size), np.ones(population.at.size)),
-        vectorized=True,
-        updating="deferred",
-        polish=False,
-        init="sobol",
-        tol=1e-4,
-        atol=1e-3,
-        maxiter=GENERATIONS,
-        rng=np.random.default_rng(seed),
-        x0=population.share(population.start),
-    )
-    return Evolved(np.asarray(found.x), float(found.fun), count)
-
-
-def _adapted(population: Population, seed: int) -> Evolved:
-    cma = optional("cma", "covariance matrix adaptation")
-    size = population.at.size
-    if size == 1:
-        raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")
-    # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
-    options = {"bounds": [0.0, 1.0], "seed": seed, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
-    strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)
-    while not strategy.stop():
-        members = strategy.ask()
-        strategy.tell(members, _finite(population.costs(np.array(members))).tolist())
-    return Evolved(np.asarray(strategy.result.xbest), float(strategy.result.fbest), int(strategy.result.evaluations))
-
-
-def _finite(costs: Array) -> Array:
-    """Return costs with a very large one for members that could not be run."""
-    return np.where(np.isfinite(costs), costs, 1e30)

@@ -158,7 +158,8 @@ class Verdict(Result):
             )
         for c in self.checks:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
-        lines += [f"  {line}" for line in self.bands.lines] if self.bands is not None else []
+        if self.bands is not None:
+            lines += [*(f"  {line}" for line in self.bands.lines), *(f"  warning: {words}" for words in self.bands.guessed)]
         return "\n".join(lines)
 
     _frame_of_rows = True

@@ -692,4 +692,7 @@ def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
     names = [n if " " in n else ahead + n for n in kept["names"]]
     assumed = {ahead + p: moved for p, moved in kept.get("assumed", {}).items()}
     separated = [ahead + p for p in kept["separated"]]
-    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed}
+    own = kept.get("accounted")
+    noise = {n if " " in n else ahead + n: x for n, x in own["noise"].items()} if own else {}
+    more = {"accounted": {**own, "noise": noise, "misfit": {ahead + p: x for p, x in own["misfit"].items()}}} if own else {}
+    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed, **more}

@@ -549,6 +549,8 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
     ----------
     powers : dict   Load -> mean power. [W]
     """
+    if network.flat.names.model.runner is not None:  # what joins the nodes of somebody else's program is not known
+        return ()
     names = [*network.nodes, *network.boundaries]
     joined: dict[str, set[str]] = {n: set() for n in names}
     for row in numbers.conductors:

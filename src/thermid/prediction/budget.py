@@ -14,6 +14,7 @@ from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import (
+    EXPECTED,
     MOST,
     Discrepancy,
     OperatingPoint,
@@ -56,7 +57,7 @@ FELT = 0.1
 CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
 KINDS = "kinds of run"
 """Causes, as a reader is told them."""
-NAMES = {"difference": "exponent of", "level": "radiative share of"}
+NAMES = {"difference": "exponent of", "level": "radiative share of", EXPECTED: "expected heat of"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ class Mode:
 
     Parameters
     ----------
-    path, kind : str    Of the conductor; 'difference' or 'level'.
+    path, kind : str    Of the conductor; 'difference' or 'level'; 'expected' for what is sure, of size 1.
     law : Distribution  Of the exponent or of the radiative share. [-]
     """
 
@@ -143,7 +144,11 @@ def modes_of(kept: Sequence[Discrepancy], steady: Collection[str] = ()) -> tuple
     """
     found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items() if key[0] not in steady}
     unsaid = {key: size for k in kept for key, size in k.unsaid.items()}
-    return list(found.values()), alike(list(found), unsaid)
+    # files of before do not keep it
+    sure = [Mode(path, EXPECTED, Normal(1.0, 0.0)) for path in dict.fromkeys(p for p, _ in found) if (path, EXPECTED) not in found]
+    joined = np.eye(len(found) + len(sure))
+    joined[: len(found), : len(found)] = alike(list(found), unsaid)
+    return [*found.values(), *sure], joined
 
 
 def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) -> Array:
@@ -345,6 +350,10 @@ class Target:
     also: tuple[str, ...] = ()
 
 
+UNSEEN = "the bands do not count what the equations of the FMU leave out: its structure is not known here"
+"""What is said of the band of a model that is run by somebody else's program."""
+
+
 @dataclass(frozen=True, eq=False)
 class Budget:
     """The uncertainty of one question.
@@ -467,6 +476,17 @@ class Budget:
         out.gain[: response.shape[0], len(self.sources) :] += response
         return out
 
+    def accounted(self, kept: Sequence[Discrepancy]) -> Budget:
+        """Return it with the noise of fits less what of it is the law of coefficients, which counts by itself."""
+        gain = self.gain.copy()
+        place = {name: k for k, t in enumerate(self.targets) if t.form in ("add", "log") for name in (t.name, *t.also)}
+        for own in (k.accounted for k in kept if k.accounted is not None):
+            noise = [j for j, s in enumerate(self.sources) if s.kind == "data" and s.name.startswith(f"{own.key}:")]
+            for name, part in own.noise.items():
+                if name in place:
+                    gain[place[name], noise] *= part
+        return replace(self, gain=gain)
+
     def with_nodes(self, source: Source, sizes: Mapping[str, float]) -> Budget:
         """Return it with a source that moves all nodes after the run."""
         return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
@@ -554,7 +574,9 @@ class Budget:
 
     def without(self, names: Sequence[str]) -> Budget:
         """Return the budget without some sources, named by kind, cause or name."""
-        kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & {*names}]
+        lost = {m.path for m in self.modes if m.name in names}  # what is expected is that of all modes of a coefficient
+        named = {*names} | {m.name for m in self.modes if m.kind == EXPECTED and m.path in lost}
+        kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & named]
         gain = self.gain[:, kept]
         acting = [k for k, row in enumerate(gain) if row.any()]
         modes = tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting))
@@ -622,10 +644,14 @@ def budget_of(
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
     network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
-    modes, correlations = modes_of(source.kept, steady_paths(network))
+    steady = steady_paths(network)
+    modes, correlations = modes_of(source.kept, steady)
+    fitted = {path for k in source.kept for path, _ in k.sizes}
+    whole_law = not {"structural", CONSTANT, *(m.name for m in modes)} & {*without} and not fitted & {*steady}
+    make = make.accounted(source.kept) if whole_law else make
     make = make.with_modes(modes, correlations, responses(source.kept, rows, modes))
     seen = KindsSeen.of(source.provenances)
-    misfit = misfit_of([misfit_kept(p) for p in source.provenances], network)
+    misfit = misfit_of([_misfit_of_stage(p, whole_law) for p in source.provenances], network)
     if seen:  # the output takes only what the deviations of kinds leave
         misfit = {n: seen.size(LEFT) * size for n, size in misfit.items()}
     if misfit:
@@ -635,9 +661,16 @@ def budget_of(
     if seen:
         make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
-    remarks = tuple(r for r in (remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
+    unseen = UNSEEN if own.runner is not None else ""
+    remarks = tuple(r for r in (unseen, remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
     whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=remarks)
     return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
+
+
+def _misfit_of_stage(provenance: Mapping[str, Any], whole_law: bool) -> dict[str, float]:
+    """Return node -> what a stage could not follow, less what the laws of its coefficients are known to do where these count. [K]"""
+    kept = kept_in(provenance) if whole_law else None
+    return dict(kept.accounted.misfit) if kept is not None and kept.accounted is not None else misfit_kept(provenance)
 
 
 def _kind_of(model: Model, scenario: Scenario) -> str:

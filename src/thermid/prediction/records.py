@@ -158,6 +158,7 @@ class RecordPrediction:
     warnings : tuple of str         What a reader must know.
     left_out : tuple of LeftOut     What the bands do not count.
     standing : Standing             Of the values that it rests on.
+    guessed : tuple of str          Those of the warnings that say what nobody stated of constant coefficients.
     """
 
     title: str
@@ -167,6 +168,7 @@ class RecordPrediction:
     warnings: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     standing: Standing = UNJUDGED
+    guessed: tuple[str, ...] = ()
 
     @property
     def rmse(self) -> float:
@@ -326,7 +328,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     left = in_order((*(x for x in budget.omitted if not x.listed), *([listed] if listed else [])))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
     told = (*budget.remarks, *guessed, *_follow_commands(bands, scenario))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing, tuple(guessed))
 
 
 def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> list[str]:

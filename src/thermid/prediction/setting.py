@@ -14,12 +14,16 @@ import numpy as np
 
 from thermid.errors import SolverError
 from thermid.fit.discrepancy import (
+    EXPECTED,
     CoefficientMode,
+    ExpectedHeat,
+    FlowHistory,
     OperatingPoint,
     conditions_of,
     constant_coefficients,
     courses,
     ending_settled,
+    expected_heats,
     patterns_of,
     unsaid_paths,
     with_patterns,
@@ -85,12 +89,14 @@ class Setting:
     ready : Simulator       With everything free that a target acts on; coefficient modes are pairs of loads of zero size.
     carriers : dict         Target -> free names that carry it; none for nodes, and for modes that do not act here.
     here : dict             Conductor -> its conditions in this scenario.
+    plain : dict            Conductor -> its course in the run with best values, without modes.
     """
 
     budget: Budget
     ready: Simulator
     carriers: Mapping[Target, tuple[str, ...]]
     here: Mapping[str, OperatingPoint] = field(default_factory=dict)
+    plain: Mapping[str, FlowHistory] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -109,26 +115,31 @@ class Setting:
             return plain(budget)
         base = made = plain(budget.whole or budget)
         for _ in range(PASSES):
-            patterns, found = made._patterns()
-            here = made.here or found  # of the run with best values, as the conditions of a fit are
-            made = base._with_patterns(patterns, here)
+            patterns, heats, found = made._patterns()
+            # conditions and plain course are of the run with best values, as the conditions of a fit are
+            here, first = (made.here, made.plain) if made.here else (conditions_of([found]), found)
+            made = replace(base._with_patterns(patterns, heats, here), plain=first)
         if budget.whole is None:
             return made
         left = {(m.path, m.kind) for m in budget.modes}
-        return plain(budget)._with_patterns([p for p in patterns if (p.path, p.kind) in left], here)
+        kept = [p for p in patterns if (p.path, p.kind) in left]
+        return plain(budget)._with_patterns(kept, [h for h in heats if (h.path, EXPECTED) in left], here)
 
-    def _with_patterns(self, patterns: Sequence[CoefficientMode], here: Mapping[str, OperatingPoint]) -> Setting:
+    def _with_patterns(
+        self, patterns: Sequence[CoefficientMode], heats: Sequence[ExpectedHeat], here: Mapping[str, OperatingPoint]
+    ) -> Setting:
         """Return it with the patterns of coefficient modes in a scenario, and the conditions of the coefficients there."""
         wiring = self.ready.wiring
-        network, wide = with_patterns(wiring.network, wiring.scenario, patterns)
-        acting = {(p.path, p.kind): tuple(f"scale.{n}" for n in p.names(network.boundaries)) for p in patterns}
+        network, wide = with_patterns(wiring.network, wiring.scenario, [*patterns, *heats])
+        every: list[CoefficientMode | ExpectedHeat] = [*patterns, *heats]
+        acting = {(p.path, p.kind): tuple(f"scale.{n}" for n in p.names(network.boundaries)) for p in every}
         named = {m.name: acting.get((m.path, m.kind), ()) for m in self.budget.modes}
         carriers = {**self.carriers} | {t: named[t.name] for t in self.budget.targets if t.form == "mode"}
         made = Wiring(network, wide, (*self.ready.free, *(n for names in acting.values() for n in names)))
         return replace(self, ready=replace(self.ready, _wiring=made, _engine=Engine(made)), carriers=carriers, here=here)
 
-    def _patterns(self) -> tuple[tuple[CoefficientMode, ...], dict[str, OperatingPoint]]:
-        """Return the patterns of the modes in the scenario, and the conditions of the coefficients there.
+    def _patterns(self) -> tuple[tuple[CoefficientMode, ...], tuple[ExpectedHeat, ...], dict[str, FlowHistory]]:
+        """Return the patterns of the modes in the scenario, the heats that are expected, and the courses of the coefficients there.
 
         The run is that of the best values; once there are patterns, that of their means: temperatures that differ by what is expected.
         """
@@ -144,10 +155,12 @@ class Setting:
             found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
         except SolverError:
             pass  # nothing settles, so nobody asks for it
-        exponents = {m.path: m.law.mean for m in budget.modes if m.kind == "difference"}
-        every = patterns_of(wiring.network, times, found, budget.conditions, wiring.network.numbers().values, exponents)
+        values = wiring.network.numbers().values
+        every = patterns_of(wiring.network, times, found, budget.conditions, values)
         wanted = {(m.path, m.kind) for m in budget.modes}
-        return tuple(p for p in every if (p.path, p.kind) in wanted), conditions_of([found])
+        kept = tuple(p for p in every if (p.path, p.kind) in wanted)
+        heats = expected_heats(wiring.network, times, found, budget.conditions, values, self.plain or found, kept)
+        return kept, tuple(h for h in heats if (h.path, EXPECTED) in wanted), found
 
     @property
     def still(self) -> dict[str, float]:
@@ -187,9 +200,9 @@ class Setting:
             return ""
         at = linear.columns[worst][-2:-1]
         wide = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(at).values())))
-        if max(abs(shift), wide) < GUESSED:
-            return ""
         narrow = 1.96 * float(np.sqrt(sum(v[0] for v in budget.parts(np.where(own, 0.0, at)).values())))
+        if max(abs(shift), wide - narrow) < GUESSED:
+            return ""
         return (
             f"no deck states what carries the heat of {listed(sorted(set(modes.values())))}: free air, or a fan, a cold plate or leads, "
             f"behind which a coefficient stays constant. Both are taken as equally likely, which shifts '{worst}' by {shift:+.2g} K, "
@@ -247,7 +260,8 @@ class Setting:
                 shift = name.startswith("initial.") or name in boundaries
                 out[name] = values - self.ready.nominal[name] if shift else values
         own = {s.name: row for s, row in zip(self.budget.sources, sources, strict=True) if s.kind in ("misfit", "variant")}
-        acting = {t.name for t, names in self.carriers.items() if t.form == "mode" and names}
+        sure = {m.name for m in self.budget.modes if m.kind == EXPECTED}
+        acting = {t.name for t, names in self.carriers.items() if t.form == "mode" and names} - sure
         return out | own | {s.name: row for s, row in zip(self.budget.sources, sources, strict=True) if s.name in acting}
 
     def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True) -> Drawn:

@@ -519,6 +519,8 @@ def run_members(
     if quantiles is not None:
         check_shares(np.array(shares), where)
     wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
+    if engine.runner is not None:
+        return _one_by_one(engine, values, members, times, wanted, shares, warnings)
     numbers = _started(engine, assemble_members(wiring, values, members))
     kept = _needed(engine, wanted, numbers)
     recovery = _Recovery(engine, numbers, kept)
@@ -543,6 +545,45 @@ def run_members(
                 *titles, times, wanted, members, values, found, shares, statistics, network.find, _no_traces, summaries, turnings, warnings
             )
         failed = found
+
+
+def _one_by_one(
+    engine: Engine,
+    values: Mapping[str, Array],
+    members: int,
+    times: Array,
+    wanted: tuple[str, ...],
+    shares: Sequence[float],
+    warnings: tuple[str, ...],
+) -> Ensemble:
+    """Return the runs of all members of a model that is not run by the kernel.
+
+    Raises
+    ------
+    ScenarioError   When quantiles alone are asked for, or a member gives other names than those that are free.
+    """
+    wiring = engine.wiring
+    titles = (wiring.network.title, wiring.scenario.title)
+    if shares or set(values) != set(wiring.free):
+        raise ScenarioError("runs of an FMU are kept whole, and one by one. Leave quantiles out.", ", ".join(titles))
+    kept = np.full((members, times.size, len(wanted)), np.nan)
+    failed: dict[int, str] = {}
+    end = max(wiring.scenario.seconds, float(times[-1]))
+    for m in range(members):
+        a = wiring.assemble(np.array([values[n][m] for n in wiring.free]), False)
+        try:
+            answer = engine.integrate(a, times, wanted, end, Options())
+        except ThermidError as error:
+            failed[m] = str(error)
+            continue
+        kept[m] = answer.temperatures
+    place = {n: k for k, n in enumerate(wanted)}
+
+    def traces(node: str) -> Array:
+        return np.asarray(kept[:, :, place[node]].T)
+
+    statistics = {"steps": 0, "rejected": 0, "one_by_one": members, "simd": "none"}
+    return Ensemble(*titles, times, wanted, members, values, failed, (), statistics, wiring.network.find, traces, {}, {}, warnings)
 
 
 def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:

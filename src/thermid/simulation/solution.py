@@ -279,6 +279,27 @@ class Run:
         by_node = {**dict(zip(self.all_nodes(), temperatures.T, strict=True)), **self._controllers(times)}
         return np.column_stack([*self.assembled.reduced.states(by_node), *(by_node[b] for b in self.network.boundaries)])
 
+    def open_balance(self) -> tuple[str, ...]:
+        """Return a sentence where the heat balance does not close: a node may store so much that its temperature has no digits for it."""
+        balance = self.heat_balance()
+        if not balance.relative > OPEN:
+            return ()
+        answer, reduced = self.answer, self.assembled.reduced
+        digits = {
+            n: float(value_of(reduced.capacitances.get(n) or 0.0)) * float(np.spacing(answer.final[k]))
+            for k, n in enumerate(reduced.nodes)
+            if n not in reduced.controllers
+        }
+        worst = max(digits, key=digits.__getitem__)
+        size = f"the heat balance is open by {abs(balance.residual):.3g} J, {100.0 * balance.relative:.2g} % of the heat handled"
+        if sum(digits.values()) < abs(balance.residual) / len(digits):
+            return (size,)
+        holds = float(value_of(reduced.capacitances.get(worst) or 0.0))
+        return (
+            f"{size}: '{worst}' stores {holds:.3g} J/K, so the last digit of its temperature is {digits[worst]:.2g} J, and heat into "
+            "it is lost. If it holds its temperature, make it a boundary; else check its mass and units.",
+        )
+
     def heat_balance(self) -> HeatBalance:
         """Return where the heat went, by the integrator's own weights."""
         answer = self.answer
@@ -294,6 +315,10 @@ class Run:
         size = max(gross, float(capacities @ np.ptp(seen, axis=0)), 1e-300)
         residual = loads - boundaries - stored
         return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)
+
+
+OPEN: Final = 1e-6
+"""Part of the heat that a run handled from which a balance that does not close is told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -428,7 +453,7 @@ class Solution(Result):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What a reader must know."""
-        return (*self._remarks, *self._run.out_of_range())
+        return (*self._remarks, *self._run.out_of_range(), *self._run.open_balance())
 
     @cached_property
     def temperatures(self) -> Array:

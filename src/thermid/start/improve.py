@@ -21,6 +21,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.measure.amounts import short
 from thermid.model.deck.save import save_model
+from thermid.simulation.solver.problem import refuse_unseen
 from thermid.start.templates import TEMPLATE
 
 NEXT = "next"
@@ -88,6 +89,7 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
             path.name,
         )
     asked = before.request
+    refuse_unseen(asked.model, "a search for another structure")
     found = search_structure(asked, changes=_writable, seconds=seconds)
     if found.proposed is found.start:
         return Improved(found, before, before, ())

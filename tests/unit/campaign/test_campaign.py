@@ -14,7 +14,7 @@ import pytest
 from studio.large import wide_campaign
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign, request_of, run_stages
-from thermid.errors import IdentificationError, NameNotFoundError, ThermidError
+from thermid.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
 from thermid.fit.problem.request import in_full, key_of
 from thermid.knowledge.values import load_values
 from thermid.model.laws.signal import TableSignal
@@ -117,6 +117,26 @@ class TestRun:
         run_stages(made, notice=lambda stage, count, rms: seen.append(stage))
         assert list(dict.fromkeys(seen)) == ["box", "pair", "verdict on pair_two"]
 
+    @pytest.mark.parametrize("stage", ["box", "pair"])
+    def test_the_interrupt_key_keeps_the_best_values(self, made: Path, stage: str) -> None:
+        """With a stage above it they stand in the refusal; of the last stage they are a fit that is not credible, and nothing is judged."""
+
+        def press(name: str, count: int, rms: float) -> None:
+            if (name, count) == (stage, 2):
+                raise KeyboardInterrupt
+
+        if stage == "box":
+            with pytest.raises(
+                StoppedError, match=r"stopped by the user after 2 evaluations of stage 'box'\. Best so far, not credible: .* = "
+            ):
+                run_stages(made, notice=press)
+            return
+        found = run_stages(made, notice=press)
+        assert found["pair"].stopped
+        assert found["pair"].standing.state == "not credible"
+        assert [v.passed for v in found.verdicts] == [None]
+        assert "stopped by the user" in str(found)
+
 
 class TestInheritance:
     def test_as_prior_frees_what_was_below_with_its_covariance(self, project: Path) -> None:
@@ -169,7 +189,7 @@ class TestInheritance:
         deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
         both = 'inherit = { a = { stage = "box", as = "prior" }, b = { stage = "box", as = "prior" } }'
         asked, original = [], stages.fit
-        monkeypatch.setattr(stages, "fit", lambda request, *more: asked.append(request) or original(request, *more))
+        monkeypatch.setattr(stages, "fit", lambda request, *more, **how: asked.append(request) or original(request, *more, **how))
         run_stages(changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', both)))
         assert list(asked[1].store.states) == [f"a.{HTC}", f"a.{MASS}", "sensor T_A", f"b.{HTC}", f"b.{MASS}"]
         rows = asked[1].store.rows

@@ -187,7 +187,7 @@ def test_values_that_miss_too_much_or_end_at_a_bound_are_not_adequate(tmp_path: 
     path.write_text(CAMPAIGN.replace(plain, ""))  # the boxes keep the values of their deck, which are wrong by a fifth
     rough = run_stages(path)
     assert rough["pair"].standing.state == "not adequate"
-    assert "3 noises and 2 % of its range" in rough["pair"].standing.because
+    assert "3 times its stated noise" in rough["pair"].standing.because
     assert rough.exit_code == 5
     path.write_text(CAMPAIGN.replace(plain, 'adequate = "5 [K]"\n'))
     assert run_stages(path)["pair"].standing.state == "credible"

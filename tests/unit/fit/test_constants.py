@@ -51,7 +51,8 @@ class TestConstantCoefficients:
         most = min(1.0, 0.95 * black)
         share, spread = most / 2.0, most / math.sqrt(12.0)
         # of n (1 - s), n uniform from 1/5 to 1/3 and s as above, both independent: E n = 4/15, E n^2 = 49/675
-        squares = {"level": share**2 + spread**2, "difference": 49.0 / 675.0 * ((1.0 - share) ** 2 + spread**2)}
+        # what the share takes from convection counts with the share
+        squares = {"level": share**2 + spread**2, "difference": 49.0 / 675.0 * (1.0 - share) ** 2}
         for kind, mean in (("level", share), ("difference", 4.0 / 15.0 * (1.0 - share))):
             # neither is there where something else carries the heat
             told = probability * mean, math.sqrt(probability * squares[kind] - (probability * mean) ** 2)
@@ -75,8 +76,12 @@ class TestConstantCoefficients:
         model = pair(first=box(words), second=box(words))
         data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room")
         of = td.explain.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
-        keys, sizes = list(of.sizes), np.array(list(of.sizes.values()))
-        correlation = of.root @ of.root.T / np.outer(sizes, sizes)
+        sure = {key for key, size in of.sizes.items() if not size}
+        assert sure == {("a.skin", "expected"), ("b.skin", "expected")}
+        assert not (of.root @ of.root.T)[[list(of.sizes).index(key) for key in sure]].any()
+        keys = [key for key in of.sizes if key not in sure]
+        kept, sizes = [list(of.sizes).index(key) for key in keys], np.array([of.sizes[key] for key in keys])
+        correlation = (of.root @ of.root.T)[np.ix_(kept, kept)] / np.outer(sizes, sizes)
         assert (set(of.unsaid) == set(keys)) == (not words)
         for i, a in enumerate(keys):
             for j, b in enumerate(keys):
@@ -195,16 +200,25 @@ class TestWhatIsQuestioned:
 
 
 class TestAdequacy:
-    @pytest.mark.parametrize(("noise", "limit"), [(0.01, "range"), (0.2, "noise")])
-    def test_three_noises_or_a_fiftieth_of_the_range(self, noise: float, limit: str) -> None:
+    @pytest.mark.parametrize(("noise", "stated"), [(0.01, True), (0.2, True), (0.01, False)])
+    def test_three_stated_noises_or_a_fiftieth_of_the_range(self, noise: float, stated: bool) -> None:
         data = log(box(), {}, {"T": "case"}, noise=noise)
         slow = 3.0 * np.sin(TIMES / 1500.0)
-        data = data.with_channels(replace(data["T"], values=data["T"].values + slow))
+        data = data.with_channels(replace(data["T"], values=data["T"].values + slow, noise=noise if stated else None))
         found = td.calibrate(box(), data, [HTC])
-        wide = 3.0 * noise if limit == "noise" else 0.02 * float(np.ptp(data["T"].values))
-        assert not found.standing.fair
+        wide = 3.0 * noise if stated else 0.02 * float(np.ptp(data["T"].values))
+        assert (found.standing.state, found.standing.exit_code) == ("not adequate", 5)
         (said,) = [float(x.split(" K")[0]) for x in str(found.standing).split("limit ")[1:]]
         assert said == pytest.approx(wide, rel=0.02)
+
+    @pytest.mark.parametrize(("times", "state"), [(2.8, "credible"), (3.2, "not adequate")])
+    def test_white_residuals_of_three_stated_noises_refute_the_fit(self, times: float, state: str) -> None:
+        data = log(box(), {}, {"T": "case"}, noise=0.05)
+        noise = np.random.default_rng(4).standard_normal(TIMES.size)
+        wide = data["T"].values + times * 0.05 * noise / noise.std()
+        found = td.calibrate(box(), data.with_channels(replace(data["T"], values=wide)), [HTC])
+        assert found.standing.state == state
+        assert ("times the stated noise, which the noise refutes" in found.standing.because) is (state == "not adequate")
 
     def test_neighbours_of_white_residuals_correlate_by_chance(self) -> None:
         """1.96 / sqrt(n) in 95 of 100 cases."""

@@ -3,7 +3,7 @@
  *   fmu_host LIBRARY VERSION cs|me TOKEN RESOURCES END STEP OUTPUTS [REF=VALUE ...]
  *
  * OUTPUTS are value references with commas. Prints the outputs at every step; for `me` it integrates by the classical Runge-Kutta method
- * with equal steps, which end at time events. An argument REF~VALUE makes an input swing by VALUE from step to step. The last line is the
+ * with equal steps, which end at time events and, by bisection, where an event indicator changes its sign. An argument REF~VALUE makes an input swing by VALUE from step to step. The last line is the
  * mean time of a step in nanoseconds. */
 #include <dlfcn.h>
 #include <stdarg.h>
@@ -80,6 +80,51 @@ static void slope(double t, const double *x, size_t n, double *to) {
     check(rates(model, to, n), "rates");
 }
 
+/* One step of the classical Runge-Kutta method, from x to z. */
+static void advance(double t, double h, const double *x, double *z, size_t n) {
+    double y[512], k1[512], k2[512], k3[512], k4[512];
+    slope(t, x, n, k1);
+    for (size_t k = 0; k < n; ++k) y[k] = x[k] + 0.5 * h * k1[k];
+    slope(t + 0.5 * h, y, n, k2);
+    for (size_t k = 0; k < n; ++k) y[k] = x[k] + 0.5 * h * k2[k];
+    slope(t + 0.5 * h, y, n, k3);
+    for (size_t k = 0; k < n; ++k) y[k] = x[k] + h * k3[k];
+    slope(t + h, y, n, k4);
+    for (size_t k = 0; k < n; ++k) z[k] = x[k] + h / 6.0 * (k1[k] + 2.0 * k2[k] + 2.0 * k3[k] + k4[k]);
+    check(set_time(model, t + h), "time");
+    check(set_states(model, z, n), "states");
+}
+static size_t guards;
+static void indicate(double *to) {
+    if (guards) check(((int (*)(void *, double *, size_t))find("GetEventIndicators"))(model, to, guards), "indicators");
+}
+static bool passed(const double *before, const double *after) {
+    for (size_t k = 0; k < guards; ++k)
+        if ((before[k] < 0.0) != (after[k] < 0.0)) return true;
+    return false;
+}
+/* Steps to `stop`, or to just behind the first change of sign of an indicator before it; returns the time reached, and whether there was one. */
+static double reach(double t, double stop, const double *x, double *z, size_t n, bool *event) {
+    double before[64], after[64];
+    check(set_time(model, t), "time");
+    check(set_states(model, x, n), "states");
+    indicate(before);
+    advance(t, stop - t, x, z, n);
+    indicate(after);
+    *event = passed(before, after);
+    if (!*event) return stop;
+    double low = t, high = stop;
+    for (int k = 0; k < 200 && high - low > 1e-9; ++k) {
+        const double middle = 0.5 * (low + high);
+        advance(t, middle - t, x, z, n);
+        indicate(after);
+        if (passed(before, after)) high = middle;
+        else low = middle;
+    }
+    advance(t, high - t, x, z, n);
+    return high;
+}
+
 int main(int argc, char **argv) {
     if (argc < 9) return 2;
     third = !strcmp(argv[2], "3.0");
@@ -114,9 +159,10 @@ int main(int argc, char **argv) {
     rates = (int (*)(void *, double *, size_t))find(third ? "GetContinuousStateDerivatives" : "GetDerivatives");
     int (*step3)(void *, double, double, bool, bool *, bool *, bool *, double *) = third ? (int (*)(void *, double, double, bool, bool *, bool *, bool *, double *))find("DoStep") : NULL;
     int (*step2)(void *, double, double, int) = third ? NULL : (int (*)(void *, double, double, int))find("DoStep");
-    double x[512], y[512], k1[512], k2[512], k3[512], k4[512], next = 1e300, spent = 0.0;
+    double x[512], z[512], next = 1e300, spent = 0.0;
     size_t n = exchange ? (size_t)atoi(getenv("FMU_STATES")) : 0;
-    if (n > 512) return 6;
+    guards = exchange && getenv("FMU_INDICATORS") ? (size_t)atoi(getenv("FMU_INDICATORS")) : 0;
+    if (n > 512 || guards > 64) return 6;
     if (exchange) next = discrete();
     show(0.0);
     long steps = 0;
@@ -133,20 +179,11 @@ int main(int argc, char **argv) {
             check(third ? step3(model, t, to - t, true, &e, &f, &g, &reached) : step2(model, t, to - t, 1), "step");
         }
         while (exchange && t < to) {
-            const double stop = next < to ? next : to, h = stop - t;
+            const double stop = next < to ? next : to;
+            bool event;
             check(((int (*)(void *, double *, size_t))find("GetContinuousStates"))(model, x, n), "states");
-            slope(t, x, n, k1);
-            for (size_t k = 0; k < n; ++k) y[k] = x[k] + 0.5 * h * k1[k];
-            slope(t + 0.5 * h, y, n, k2);
-            for (size_t k = 0; k < n; ++k) y[k] = x[k] + 0.5 * h * k2[k];
-            slope(t + 0.5 * h, y, n, k3);
-            for (size_t k = 0; k < n; ++k) y[k] = x[k] + h * k3[k];
-            slope(t + h, y, n, k4);
-            for (size_t k = 0; k < n; ++k) x[k] += h / 6.0 * (k1[k] + 2.0 * k2[k] + 2.0 * k3[k] + k4[k]);
-            check(set_time(model, stop), "time");
-            check(set_states(model, x, n), "states");
-            t = stop;
-            if (stop == next) {
+            t = reach(t, stop, x, z, n, &event);
+            if (event || t == next) {
                 check(((int (*)(void *))find("EnterEventMode"))(model), "event");
                 next = discrete();
             }

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import thermid as td
 from thermid.interop.fmu import ExportedFmu, to_fmu
+from thermid.interop.fmu.image import INDICATOR
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,11 @@ class Unpacked:
         """Value reference of each variable."""
         return {v.name: k for k, v in enumerate(self.written.variables)}
 
+    @property
+    def guards(self) -> int:
+        """How many event indicators it has."""
+        return sum(v.kind == INDICATOR for v in self.written.variables)
+
     def run(self, outputs: list[str], end: float, step: float, form: str = "cs", **given: Any) -> Array:
         """Times [s] and outputs (times, 1 + outputs) by the host in C.
 
@@ -67,7 +73,12 @@ class Unpacked:
             capture_output=True,
             text=True,
             check=False,
-            env={**os.environ, "FMU_STATES": str(len(self.written.states)), "FMU_TOLERANCE": str(given.get("tolerance", 0))},
+            env={
+                **os.environ,
+                "FMU_STATES": str(len(self.written.states)),
+                "FMU_INDICATORS": str(self.guards),
+                "FMU_TOLERANCE": str(given.get("tolerance", 0)),
+            },
         )
         if done.returncode < 0:
             raise OSError(f"signal {-done.returncode} ended the host")

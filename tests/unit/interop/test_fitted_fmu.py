@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import shutil
-import subprocess
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +11,10 @@ import thermid as td
 from thermid.errors import IdentificationError
 from thermid.interop.fmu import to_fmu
 from thermid.interop.fmu.fitted import calibrate_fmu
+from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
 
-BOX = {
-    "title": "box",
-    "needs": ["air"],
-    "parameters": {"g": "0.8 [W/K]", "c": "50 [J/K]", "power": "5 [W]"},
-    "nodes": {"a": {"capacitance": "c"}, "b": {"capacitance": "90 [J/K]"}},
-    "conductors": {
-        "ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "g"},
-        "out": {"kind": "conduction", "between": ["b", "air"], "conductance": "0.5 [W/K]"},
-    },
-    "loads": {"heat": {"into": "a", "power": "power"}},
-}
 QUIET = td.Scenario("test", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1200 [s]")
 TIMES = np.linspace(0.0, 1200.0, 121)
 
@@ -100,32 +85,12 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
 
 
 REFERENCE = {"VanDerPol": ("mu", 2.3, "x0", 20.0), "Dahlquist": ("k", 1.7, "x", 3.0)}
-SHA256 = {
-    "src/fmi3Functions.c": "d7f76396fc85483d917440575c684ea959f6ee56f2d56e699cfaf81c2d0ac919",
-    "src/cosimulation.c": "85eae5983fd4bc80877523fd6b4df8928321505bd9442819ea247d840341c5e6",
-    "VanDerPol/model.c": "89305fea3c1d3a00974333597e8f11686900826285a1aabf7ce9178a03e7405b",
-    "Dahlquist/model.c": "03a9c8be25b831cece9456f2c25fa576674f12c069c291fba2fdc56bfbeba820",
-    "VanDerPol/FMI3.xml": "5cf6b636526dff628c6f9492e333b65d9850ee4737e37705409d1b88585bcec6",
-    "Dahlquist/FMI3.xml": "c5411c49e51c73be8566cee2217472368815f9e5cb1ae9b81f56f08104cb1b9d",
-}
 
 
 @pytest.mark.parametrize("name", REFERENCE)
 def test_a_reference_fmu(name: str, tmp_path: Path) -> None:
     """Compiled here from their sources: an FMU that thermid knows nothing of."""
-    root = Path(os.environ.get("THERMID_PUBLIC", "/nowhere")) / "modelica" / "Reference-FMUs"
-    if not (root / name).is_dir() or shutil.which("cc") is None:
-        pytest.skip("modelica/Reference-FMUs is not under THERMID_PUBLIC, or there is no C compiler")
-    for file in ("src/fmi3Functions.c", "src/cosimulation.c", f"{name}/model.c", f"{name}/FMI3.xml"):
-        assert hashlib.sha256((root / file).read_bytes()).hexdigest() == SHA256[file]
-    library = tmp_path / f"{name}.so"
-    files = [root / "src" / "fmi3Functions.c", root / "src" / "cosimulation.c", root / name / "model.c"]
-    flags = ["-DFMI_VERSION=3", "-DDISABLE_PREFIX", f'-DMODEL_IDENTIFIER="{name}"', f"-I{root / 'include'}", f"-I{root / name}"]
-    subprocess.run(["cc", "-shared", "-fPIC", "-w", *flags, "-o", library, *files, "-lm"], check=True)
-    packed_file = tmp_path / f"{name}.fmu"
-    with zipfile.ZipFile(packed_file, "w") as packed:
-        packed.write(root / name / "FMI3.xml", "modelDescription.xml")
-        packed.write(library, f"binaries/x86_64-linux/{name}.so")
+    packed_file = reference_fmu(name, tmp_path)
     parameter, truth, output, end = REFERENCE[name]
     import fmpy
 

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
-from thermid.interop.decks import network_file
+from thermid.errors import DeckError, ThermidError
 from thermid.interop.decks.esatan import read_esatan
 from thermid.interop.decks.network_file import NetworkFile
 from thermid.interop.decks.results import balance, sinda_print
@@ -185,6 +184,63 @@ def test_a_heater_of_thermal_desktop_is_a_thermostat(tmp_path: Path) -> None:
     assert run["BOX.T1"].at(36_000.0) > 4.9
 
 
+def test_one_way_conductors_are_streams(tmp_path: Path) -> None:
+    """Air of 2 W/K enters at 20 degC, takes up 10 W and then 6 W: 25 and 28 degC. The minus stands at the end that the stream leaves."""
+    text = """HEADER OPTIONS
+C    TDUNITS,   Temp       = C
+HEADER REGISTER DATA
+      MCP = 2.
+HEADER NODE DATA, AIR
+  -1, 20., 0.
+  2, 20., 5.
+  3, 20., 5.
+HEADER CONDUCTOR DATA, AIR
+  1, -1, 2, MCP
+  2, 3, -2, MCP
+HEADER SOURCE DATA, AIR
+  2, 10.
+  3, 6.
+"""
+    network = read_network(_write(tmp_path, "stream.inp", text))
+    assert [r for r in network.remarks if r.dropped] == []
+    settled = td.steady(network.model(), network.scenario())
+    assert [settled[f"AIR.T{k}"] - 273.15 for k in (2, 3)] == pytest.approx([25.0, 28.0], abs=1e-9)
+    back = network.written_back(network.model().with_values({"mcp": 4.0}))
+    assert next(iter(back.values())) == text.replace("MCP = 2.\n", "MCP = 4 $ fitted, was 2.\n")
+    celsius = {"AIR.T1": 20.0, "AIR.T2": 25.0, "AIR.T3": 28.0}
+    assert balance(network, celsius, digit=0.01).open() == {}
+    off = balance(network, celsius | {"AIR.T2": 26.0}, digit=0.01).open()
+    assert off == pytest.approx({"AIR.T2": 2.0, "AIR.T3": -2.0})
+
+
+@pytest.mark.parametrize("row", ["-1, -1, 2, 0.5", "1, -1, -2, 2.", "SIV 1, -1, 2, A1, 1."])
+def test_one_way_conductors_of_other_kinds_are_named(tmp_path: Path, row: str) -> None:
+    nodes = "HEADER NODE DATA, AIR\n  -1, 20., 0.\n  2, 20., 5.\nHEADER ARRAY DATA, AIR\n 1 = 0., 1., 100., 2.\n"
+    network = read_network(_write(tmp_path, "stream.inp", f"{nodes}HEADER CONDUCTOR DATA, AIR\n  {row}\n"))
+    (remark,) = (r for r in network.remarks if r.dropped)
+    assert "is one-way, and not a plain number of W/K" in str(remark)
+    assert "stream.inp:7" in str(remark)
+
+
+def test_streams_of_an_esatan_deck(tmp_path: Path) -> None:
+    text = """$MODEL DUCT
+$LOCALS
+  $REAL
+  mcp = 2.0;
+$NODES
+B1 = 'inlet', T = 20.0;
+D2 = 'air', T = 20.0, C = 5.0, QI = 10.0;
+$CONDUCTORS
+GF(1,2) = mcp;
+$EXECUTION
+  TIMEND = 60.0
+$ENDMODEL
+"""
+    network = read_network(_write(tmp_path, "duct.d", text))
+    assert [r for r in network.remarks if r.dropped] == []
+    assert td.steady(network.model(), network.scenario())["DUCT.T2"] - 273.15 == pytest.approx(25.0, abs=1e-9)
+
+
 def test_english_units(tmp_path: Path) -> None:
     text = """HEADER OPTIONS
 C    TDUNITS,   Energy     = BTU
@@ -266,6 +322,52 @@ def test_esatan_numbers_go_back_with_line_ends_as_they_were(tmp_path: Path) -> N
     )
 
 
+def test_numbers_go_back_into_the_included_file_that_has_them(tmp_path: Path) -> None:
+    """Registers in one include, contacts in another with line ends of Windows, a tab, a comment in Latin-1: bytes stay but for values."""
+    registers = b"C 20 \xb0C\n      STRAP = 0.25\n      OTHER = 1.\n"
+    contacts = b"C Contact - Face Contactor-Foot to wall[BOX][1]::A1\r\n"
+    contacts += b"      3,\tBOX.1,    SPACE.1,    5.D-2\r\n      4,    BOX.2,    SPACE.1,    0.07\r\n"
+    (tmp_path / "registers.inc").write_bytes(registers)
+    (tmp_path / "contacts.inc").write_bytes(contacts)
+    case = "HEADER REGISTER DATA\nINSERT registers.inc\nHEADER NODE DATA, BOX\n  1, 20., 5.\n  2, 20., 5.\n"
+    case += "HEADER NODE DATA, SPACE\n  -1, 3., 0.\nHEADER CONDUCTOR DATA, BOX\n  1, 1, 2, STRAP\nINSERT contacts.inc\n"
+    network = read_network(_write(tmp_path, "case.inp", case))
+    (group,) = network.groups()
+    back = network.written_back(network.model().with_values({"strap": 0.5, group: 3.0}))
+    assert {Path(name).name: text.encode("latin-1") for name, text in back.items()} == {
+        "registers.inc": registers.replace(b"STRAP = 0.25", b"STRAP = 0.5 $ fitted, was 0.25"),
+        "contacts.inc": contacts.replace(b"5.D-2", b"0.15 $ fitted, was 5.D-2").replace(b"0.07", b"0.21 $ fitted, was 0.07"),
+    }
+
+
+def test_numbers_go_back_into_submodels_and_includes_of_esatan(tmp_path: Path) -> None:
+    lid = "  $MODEL LID\n  $LOCALS\n    $REAL\n    bolt = 0.4;  # per bolt\n"
+    lid += "  $NODES\n  D1 = 'lid', T = 25.0, C = 120.0;\n  $ENDMODEL LID\n"
+    (tmp_path / "lid.inc").write_text(lid)
+    text = "$MODEL UNIT\n$LOCALS\n  $REAL\n  bolt = 0.2;\n$NODES\nD1 = 'board', T = 25.0, C = 300.0;\n"
+    text += "B9 = 'wall', T = 10.0;\n$INCLUDE 'lid.inc'\n"
+    text += "$CONDUCTORS\nGL(1, LID:1) = 2 * bolt;\nGL(1, 9) = 0.5;\nGL(LID:1, 9) = 0.1;\n$ENDMODEL UNIT\n"
+    network = read_network(_write(tmp_path, "unit.d", text))
+    (own, inner) = (n for n in network.parameters if "bolt" in n)
+    back = {Path(f).name: new for f, new in network.written_back(network.model().with_values({own: 0.3, inner: 0.6})).items()}
+    assert back == {
+        "unit.d": text.replace("bolt = 0.2;", "bolt = 0.3; # fitted, was 0.2"),
+        "lid.inc": lid.replace("bolt = 0.4;  # per bolt", "bolt = 0.6;  # per bolt # fitted, was 0.4"),
+    }
+
+
+@pytest.mark.parametrize(("name", "text"), [("cut.inp", SINDA + HEATER), ("cut.d", ESATAN)])
+def test_a_deck_cut_anywhere_is_read_or_refused_in_words(tmp_path: Path, name: str, text: str) -> None:
+    refused = []
+    for end in range(0, len(text), 23):
+        try:
+            read_network(_write(tmp_path, name, text[:end])).model()
+        except ThermidError as error:
+            refused.append(str(error))
+    assert len(refused) > 10
+    assert all(name in words for words in refused)
+
+
 def test_the_balance_at_printed_temperatures(sinda: Path) -> None:
     network = read_network(sinda)
     settled = td.steady(network.model(), replace(network.scenario(), loads={}))
@@ -300,10 +402,17 @@ def test_bad_files_are_refused_with_file_and_line(tmp_path: Path, text: str, wor
 
 
 def test_a_file_beyond_every_deck_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("thermid.interop.decks.statements.LARGEST", 100)
-    with pytest.raises(DeckError, match=r"MB\. Split it into include files\."):
+    monkeypatch.setenv("THERMID_CAPS", "deck=100")
+    with pytest.raises(DeckError, match=r"big\.inp: the file has more than 0 MB\. Split it into include files\. The cap 'deck' is 100"):
         read_network(_write(tmp_path, "big.inp", SINDA))
-    assert network_file.LARGEST == 50_000_000
+
+
+def test_a_hundred_megabytes_are_refused_before_they_are_read(tmp_path: Path) -> None:
+    with (tmp_path / "big.inp").open("wb") as file:
+        file.write(SINDA.encode())
+        file.truncate(100_000_000)  # sparse: it takes no room
+    with pytest.raises(DeckError, match=r"big\.inp: the file has more than 50 MB\."):
+        read_sinda(tmp_path / "big.inp")
 
 
 def test_logic_is_named_and_not_guessed(tmp_path: Path) -> None:

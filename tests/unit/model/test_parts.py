@@ -237,7 +237,23 @@ def test_finding(part: Build, changes: dict[str, Any], line: str) -> None:
 
 
 def test_a_sound_model_has_no_findings(part: Build) -> None:
-    assert findings(part({"surfaces/skin/emissivity": 0.8})) == ()
+    assert findings(part({"surfaces/skin/emissivity": 0.8, "surfaces/skin/carried_by": "free air"})) == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "asked"),
+    [
+        ({}, True),
+        ({"surfaces/skin/carried_by": "fan"}, False),
+        ({"surfaces/skin/htc": None, "surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, True),
+        ({"surfaces/skin/htc": {"coefficient": "1.3 [W/(m^2 K)]", "exponent": 0.25}}, False),
+        ({"surfaces/skin/htc": "0.001 [W/(m^2 K)]", "surfaces/skin/emissivity": 0.9}, False),
+    ],
+)
+def test_what_carries_most_of_the_heat_is_asked_for(part: Build, changes: dict[str, Any], asked: bool) -> None:
+    found = [f for f in findings(part(changes)) if "State what carries it: carried_by" in f.message]
+    assert bool(found) is asked
+    assert all(f.severity == "note" and "'skin' has a constant coefficient" in f.message for f in found)
 
 
 def test_shadowed_values_are_listed(pair: Build) -> None:

@@ -172,11 +172,12 @@ def test_modes_of_a_bare_coefficient() -> None:
     exponent = Uniform(1.0 / 5.0, 1.0 / 3.0)
     square = exponent.variance + exponent.mean**2
     assert grown.mean == pytest.approx(exponent.mean * (1 - share), rel=1e-9)
-    assert grown.sd == pytest.approx((square * ((1 - share) ** 2 + spread**2) - (exponent.mean * (1 - share)) ** 2) ** 0.5, rel=1e-6)
-    # what a unit adds to the heat: ln of the ratio of differences; the ratio of linearised radiation less one
-    assert grown.watts.values == pytest.approx(one.heat * np.log(one.difference / 20.0))
+    assert grown.sd == pytest.approx((1 - share) * (square - exponent.mean**2) ** 0.5, rel=1e-6)
+    # what a unit adds to the heat, at the mean exponent: of r^n the derivative; radiation less the convection it replaces
+    grows = (one.difference / 20.0) ** exponent.mean
+    assert grown.watts.values == pytest.approx(one.heat * grows * np.log(one.difference / 20.0))
     linear = (one.first**2 + one.second**2) * (one.first + one.second) / (4.0 * 320.0**3)
-    assert warmer.watts.values == pytest.approx(one.heat * (linear - 1.0))
+    assert warmer.watts.values == pytest.approx(one.heat * (linear - grows))
     assert (grown.unsaid, warmer.unsaid) == (0.0, 0.0)
 
 

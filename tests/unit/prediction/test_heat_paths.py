@@ -13,8 +13,11 @@ from thermid.errors import DeckError
 from thermid.fit.discrepancy import alike, discrepancy
 from thermid.measure import Channel, Record
 from thermid.model.deck.save import save_model
+from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.budget import budget_of
 from thermid.prediction.predict import Prediction, predict
+from thermid.prediction.setting import Setting
 
 TIMES = np.linspace(0.0, 18000.0, 151)
 AIR = 24.0
@@ -54,9 +57,13 @@ def hidden(rng: np.random.Generator, natural: bool, exponent: float) -> tuple[td
     return td.model_from_dict(found), skin["emissivity"]
 
 
-def at(watts: float) -> td.Scenario:
+def at(watts: float, air: float = AIR) -> td.Scenario:
     given = {"heat": f"{watts} [W]"}
-    return td.Scenario("run", boundaries={"air": f"{AIR} [degC]"}, loads=given, start=f"{AIR} [degC]", duration=18000.0)
+    return td.Scenario("run", boundaries={"air": f"{air} [degC]"}, loads=given, start=f"{air} [degC]", duration=18000.0)
+
+
+HOT, COOL, COLD = at(1.6 * 8.0), at(0.5 * 8.0), at(0.8 * 8.0, -20.0)
+"""More power, less of it, and a cold room."""
 
 
 def bench(model: td.Model, rng: np.random.Generator) -> Record:
@@ -69,13 +76,18 @@ def bench(model: td.Model, rng: np.random.Generator) -> Record:
     return Record.from_arrays("bench", TIMES, channels)
 
 
-def predicted(seed: int, natural: bool, carried_by: str, lit: bool = False) -> tuple[td.Model, Prediction]:
-    """A truth, and what a fit at 8 W says of 1.6 times the power."""
+def fitted(seed: int, natural: bool, carried_by: str, lit: bool = False) -> tuple[td.Model, float, td.Calibration]:
+    """A truth, its emissivity, and a fit at 8 W."""
     rng = np.random.default_rng(seed)
     truth, emissivity = hidden(rng, natural, float(rng.uniform(0.2, 1.0 / 3.0)) if carried_by else 0.25)
     known = float(np.clip(emissivity * (1.0 + 0.15 * rng.standard_normal()), 0.01, 0.99)) if lit else None
-    fit = td.calibrate(td.model_from_dict(deck(carried_by, known)), bench(truth, rng), FREE)
-    return truth, predict(fit, at(1.6 * 8.0), times=TIMES)
+    return truth, emissivity, td.calibrate(td.model_from_dict(deck(carried_by, known)), bench(truth, rng), FREE)
+
+
+def predicted(seed: int, natural: bool, carried_by: str, lit: bool = False, asked: td.Scenario = HOT) -> tuple[td.Model, Prediction]:
+    """A truth, and what a fit at 8 W says of another run."""
+    truth, _, fit = fitted(seed, natural, carried_by, lit)
+    return truth, predict(fit, asked, times=TIMES)
 
 
 @dataclass(frozen=True)
@@ -97,11 +109,11 @@ class Misses:
         return np.asarray(self.off / self.error)
 
 
-def misses(draws: int, natural: bool, carried_by: str, lit: bool = False, seed: int = 100) -> Misses:
+def misses(draws: int, natural: bool, carried_by: str, lit: bool = False, seed: int = 100, asked: td.Scenario = HOT) -> Misses:
     rows = []
     for k in range(draws):
-        truth, told = predicted(seed + k, natural, carried_by, lit)
-        run = td.simulate(truth, at(1.6 * 8.0), times=TIMES)
+        truth, told = predicted(seed + k, natural, carried_by, lit, asked)
+        run = td.simulate(truth, asked, times=TIMES)
         rows.append([(run[n].kelvin[-1] - told[n].kelvin[-1], told[n].error[-1], told[n].half_width[-1]) for n in ("board", "case")])
     table = np.array(rows)
     return Misses(table[:, :, 0], table[:, :, 1], table[:, :, 2])
@@ -124,7 +136,7 @@ def check_silent(draws: int, seed: int) -> None:
 def check_stated(found: Misses, draws: int) -> None:
     mean, sd = found.scores.mean(axis=0), found.scores.std(axis=0, ddof=1)
     print(f"inside {found.inside:.3f}, mean z {mean.round(2)}, sd of z {sd.round(2)}")
-    chance = 3.0 / np.sqrt(draws)
+    chance = 3.0 / np.sqrt(draws) if draws < 200 else 0.0
     assert np.abs(mean).max() <= 0.2 + chance
     assert sd.min() >= 0.8 - chance
     assert sd.max() <= 1.2 + chance
@@ -146,11 +158,43 @@ def test_constant_truths_behind_a_stated_fan_scatter_by_the_stated_error() -> No
     check_stated(misses(25, False, "fan"), 25)
 
 
-def test_the_shift_of_free_air_is_that_of_its_law_and_not_of_its_tangent() -> None:
-    """To first order alone it went a third too far: 1.3 errors in the mean where the deck gives the emissivity."""
-    found = misses(12, True, "free air", lit=True)
-    assert np.abs(found.scores.mean(axis=0)).max() <= 0.5
-    assert found.inside == 1.0
+@pytest.mark.parametrize(("asked", "seed"), [(HOT, 1000), (COOL, 1001), (COLD, 1004)])
+def test_what_free_air_does_not_decide_is_exponent_and_emissivity(asked: td.Scenario, seed: int) -> None:
+    """Given both, the truth is where derivatives at the expected law say: to first order about a constant it went a third too far."""
+    truth, emissivity, fit = fitted(seed, True, "free air", lit=True)
+    budget = budget_of(fit, asked)
+    linear = Setting.of(budget, times=TIMES).linear()
+    names = [s.name for s in budget.sources]
+    kept = discrepancy(fit)
+    share = kept.means["skin", "level"]
+    exponent = compile_network(truth).numbers().values["skin.htc.exponent"]
+    known = compile_network(fit.model).numbers().values["skin.emissivity"]
+    moved = {"exponent of skin": (exponent - 4.0 / 15.0) * (1.0 - share), "radiative share of skin": share * (emissivity / known - 1.0)}
+    run = td.simulate(truth, asked, times=TIMES)
+    for n in ("board", "case"):
+        column = linear.columns[n][-2]
+        expected = linear.run[n].kelvin[-1] + column @ budget.means
+        own = sum(size * column[names.index(name)] for name, size in moved.items())
+        plain = run[n].kelvin[-1] - linear.run[n].kelvin[-1]
+        assert abs(run[n].kelvin[-1] - expected - own) < max(0.1, 0.05 * abs(plain))
+
+
+def test_noise_that_the_law_explains_is_counted_once() -> None:
+    """A constant coefficient cannot follow free air while it warms up: what wanders is the law's, and what is left is white."""
+    _, _, fit = fitted(1000, True, "free air", lit=True)
+    kept = discrepancy(fit)
+    accounted = kept.accounted
+    assert accounted is not None
+    assert fit.autocorrelation is not None
+    assert max(kept.misfit.values()) > 0.1
+    assert max(accounted.misfit.values()) < 0.02
+    assert accounted.noise["skin.effective_htc"] < 0.5
+    told = predict(fit, HOT)["case"]
+    less = predict(fit, HOT, without=("structural",))["case"]
+    assert told.parts["fit"][-1] < 0.3 * less.parts["fit"][-1]
+    assert td.explain.Discrepancy.from_dict(kept.to_dict()).accounted == accounted
+    # nothing of it where nobody says what carries the heat
+    assert discrepancy(fitted(1000, True, "")[2]).accounted is None
 
 
 def test_a_statement_after_the_fit_holds() -> None:
@@ -227,16 +271,14 @@ def test_the_word_is_written_with_the_deck(tmp_path: Any) -> None:
 
 
 @pytest.mark.campaign
-def test_both_truths_in_a_hundred_draws() -> None:
-    check_silent(100, 1000)
+def test_both_truths_in_five_hundred_draws() -> None:
+    check_silent(500, 1000)
 
 
 @pytest.mark.campaign
-def test_stated_paths_in_a_hundred_draws() -> None:
-    check_stated(misses(100, False, "fan", seed=1000), 100)
-    found = misses(100, True, "free air", lit=True, seed=1000)
-    print(
-        f"free air: inside {found.inside:.3f}, mean z {found.scores.mean(axis=0).round(2)}, sd {found.scores.std(axis=0, ddof=1).round(2)}"
-    )
-    assert np.abs(found.scores.mean(axis=0)).max() <= 0.2
-    assert found.inside >= 0.95
+@pytest.mark.parametrize(
+    ("natural", "carried_by", "asked", "draws"),
+    [(False, "fan", HOT, 500), (True, "free air", HOT, 500), (True, "free air", COOL, 200), (True, "free air", COLD, 200)],
+)
+def test_stated_paths(natural: bool, carried_by: str, asked: td.Scenario, draws: int) -> None:
+    check_stated(misses(draws, natural, carried_by, lit=natural, seed=1000, asked=asked), draws)

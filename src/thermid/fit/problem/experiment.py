@@ -178,6 +178,12 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
         node = names.find(channel.target or channel.name, f"{record.name}, {channel.name}")
         if node not in names.nodes:
             continue  # refused where the channel is bound
+        if model.runner is not None:
+            raise RecordError(
+                "its sensor has a lag, a heat capacity or leads, which cannot be added to the equations of an FMU. Leave them out, or give "
+                "it an accuracy that includes them.",
+                f"{record.name}, {channel.name}",
+            )
         seats[channel.name] = _seat(channel, node)
         model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
     return model, seats
@@ -314,10 +320,16 @@ def starts_of(
         return first_reading(record, base.start, window), initial, readings, ()
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, ()
-    loose = tuple(n for n in first if n not in initial and _massive(network, n))
+    loose = tuple(n for n in first if n not in initial and _massive(network, n) and _can_start(network, n))
     initial |= {n: first[n] for n in loose}
     mean = float(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
+
+
+def _can_start(network: Network, node: str) -> bool:
+    """Whether the start of a node can be set; of somebody else's program it may follow from others."""
+    runner = network.flat.names.model.runner
+    return runner is None or node in runner.starts
 
 
 def _massive(network: Network, node: str) -> bool:
@@ -679,7 +691,7 @@ def bind(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
     first = _first_readings(record, observations, window)
-    start, initial, readings, loose = starts_of(record, base, network, first, window)
+    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
@@ -701,6 +713,13 @@ def bind(
     return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
+def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
+    """Return a scenario in which nodes without a reading begin as the program does that runs the model, where nobody gives their start."""
+    if model.runner is None or base.start != "":
+        return base
+    return replace(base, initial={**{n: t for n, t in model.runner.starts.items() if n not in first}, **base.initial})
+
+
 def _first_readings(record: Record, observations: Sequence[Observation], window: float) -> dict[str, float]:
     """Return observed node -> its first reading, the mean of those of its sensors. [K]"""
     several: dict[str, list[float]] = {}
@@ -719,6 +738,8 @@ def _hidden_starts(
     tips: Mapping[str, str],
 ) -> dict[str, HiddenStart]:
     """Return the starts of nodes without a sensor, from the channels of the record by the places that they read or drive."""
+    if network.flat.names.model.runner is not None:
+        return {}
     by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}
     return hidden_starts(made, network, first, by_place, tuple(tips))
 

@@ -319,7 +319,8 @@ def compressed_in_full(
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
     """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
     experiment = problem.experiments[i]
-    blocks, slopes = problem.blocks_of(i, fitted), problem.slopes(i, fitted)
+    slopes = problem.slopes(i, fitted)  # first: a run with derivatives holds what the blocks need
+    blocks = problem.blocks_of(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
     return as_triangle(blocks, full, loss, loss_scale)
 
@@ -438,7 +439,7 @@ class Problem:
         taken: list[Array] = []
         chi = 0.0
         for i, bench in enumerate(self.benches()):
-            if bench.experiment.ticks is not None:
+            if bench.experiment.ticks is not None or bench.engine.runner is not None:
                 own, part, square, sizes = compressed_in_full(self, i, fitted, loss, loss_scale)
                 rows, slopes, chi, sums = [*rows, own], [*slopes, part], chi + square, [*sums, *sizes]
                 taken.append(np.zeros(0))

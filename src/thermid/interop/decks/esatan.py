@@ -17,7 +17,7 @@ import numpy as np
 from thermid.errors import DeckError, ThermidError
 from thermid.expression import parse
 from thermid.interop.decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
-from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, with_unit
+from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.units import counted
 
@@ -249,7 +249,7 @@ def _node_of(scope: _Scope, owner: str, word: str) -> tuple[str, str]:
 
 
 def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
-    """Read $CONDUCTORS: GL and GR; streams (GF) and others are named. A comment before rows makes a group of them."""
+    """Read $CONDUCTORS: GL, GR and streams (GF); others are named. A comment before rows makes a group of them."""
     again: dict[str, int] = {}
     views: list[Line] = []
     for statement in _statements(lines):
@@ -257,8 +257,8 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         if found and found[1].upper() == "GV":
             views.append(statement)
             continue
-        if not found or found[1].upper() not in ("GL", "GR"):
-            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a GL or GR")
+        if not found:
+            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a GL, GR or GF")
             continue
         try:
             a, b = (_node_of(scope, owner, found[k]) for k in (2, 3))
@@ -274,6 +274,8 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         name = f"{owner}_{found[1].upper()}_{ends}"
         if found[1].upper() == "GL":
             table: dict[str, object] = {"kind": "conduction", "conductance": with_unit(value, "W/K")}
+        elif found[1].upper() == "GF":
+            table = stream(value)
         else:
             ratio = deck.numbers.get(deck.reading.names.get("STEFAN", ""), STEFAN) / STEFAN_BOLTZMANN
             table = {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(value, "m^2", ratio)}

@@ -260,7 +260,7 @@ class NetworkFile:
                 yield each.where, _times(number, factor)
 
 
-SCALED: Final = {"conduction": "conductance", "radiation": "area", "table": "scale", "flow": "conductance"}
+SCALED: Final = {"conduction": "conductance", "radiation": "area", "table": "scale", "flow": "mass_flow"}
 """Kind of a conductor -> field that a group's factor multiplies."""
 
 

@@ -96,6 +96,11 @@ def balance(network: NetworkFile, celsius: Mapping[str, float], digit: float = 0
         elif each.table["kind"] == "radiation":
             g = float(values[f"{each.name}.area"]) * float(each.table["exchange_factor"]) * STEFAN_BOLTZMANN
             heat, steep = g * (t[a] ** 4 - t[b] ** 4), (4.0 * g * t[a] ** 3, 4.0 * g * t[b] ** 3)
+        elif each.table["kind"] == "flow":
+            g = float(values[f"{each.name}.mass_flow"])
+            left[b] += g * (t[a] - t[b])
+            slope[b] += 2.0 * g
+            continue
         else:
             continue
         left[a] -= heat

@@ -7,7 +7,7 @@ conductor has a negative number, its heat is ``SIGMA G (T_a^4 - T_b^4)``; a minu
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.errors import DeckError, ThermidError
 from thermid.interop.decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
-from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, with_unit
+from thermid.interop.decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.units import counted
 
@@ -125,9 +125,13 @@ def read_sinda(path: str | Path) -> NetworkFile:
     )  # fmt: skip
 
 
-def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...]) -> Iterator[tuple[str, str, list[Line]]]:
-    """Yield header, submodel and lines of every block, following INSERT and INCLUDE."""
-    header, submodel, lines = "", "", list[Line]()
+Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
+"""Header, submodel and lines of every block; at the end the header and submodel that what follows belongs to."""
+
+
+def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at: tuple[str, str] = ("", "")) -> Blocks:
+    """Yield the blocks of a text that begins in the block `at`, following INSERT and INCLUDE as if their text stood there."""
+    (header, submodel), lines = at, list[Line]()
     words: list[str] = []
     for line in numbered(text, str(path)):
         row = line.text
@@ -144,7 +148,7 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...]) ->
         if inserted:
             yield header, submodel, lines
             lines = []
-            yield from _inserted(deck, path, inserted[1], line, (*inside, path))
+            header, submodel = yield from _inserted(deck, path, inserted[1], line, (*inside, path), (header, submodel))
         elif found:
             yield header, submodel, lines
             header, submodel, lines = " ".join(found[1].upper().split()), found[2].upper(), []
@@ -152,9 +156,10 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...]) ->
             lines.append(replace(line, text=row, before=tuple(words)))
         words = []
     yield header, submodel, lines
+    return header, submodel
 
 
-def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[Path, ...]) -> Iterator[tuple[str, str, list[Line]]]:
+def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[Path, ...], at: tuple[str, str]) -> Blocks:
     """Yield the blocks of an inserted file; the text beside a binary one (.k for .k_in) takes its place."""
     target = path.parent / name.replace("\\", "/").rsplit("/", 1)[-1]
     try:
@@ -165,10 +170,10 @@ def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[
             if "each other" in error.message:
                 raise
             deck.reading.remark(line.part(0, len(line.text)), f"INSERT {name}: {error.message}")
-            return
+            return at
         deck.reading.remark(line.part(0, len(line.text)), f"{name} is binary; the text file {beside.name} was read instead", dropped=False)
         target, text = beside, deck.reading.open(beside, inside, str(line.where))
-    yield from _blocks(deck, target, text, inside)
+    return (yield from _blocks(deck, target, text, inside, at))
 
 
 def _stated_unit(deck: SindaDeck, row: str) -> None:
@@ -349,7 +354,7 @@ def _contactor(words: str) -> str:
 
 
 def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
-    """Return the node that a word names, and whether a minus makes it one-way."""
+    """Return the node that a word names, and whether a minus makes it the upstream end of a one-way conductor."""
     oneway = word.startswith("-")
     owner, _, number = word.lstrip("-").rpartition(".")
     return ((owner.upper() or submodel), f"T{int(number)}"), oneway
@@ -369,7 +374,12 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
         name = f"{submodel}_{'R' if number < 0 else 'G'}{abs(number)}" + (f"_{k // 2 + 1}" if len(pairs) > 2 else "")
         where = values[0][1]
         if minus_a or minus_b:
-            deck.reading.remark(line.where, f"{name} is one-way (a stream): '{line.text.strip()}'")
+            if kind or number < 0 or (minus_a and minus_b):
+                deck.reading.remark(line.where, f"{name} is one-way, and not a plain number of W/K: '{line.text.strip()}'")
+                continue
+            value = deck.reading.value(values[0][0], where)
+            ends = (a, b) if minus_a else (b, a)
+            yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.of(line, (a, b)))
             continue
         yield FileConductor(name, (a, b), _law(deck, submodel, kind, number, values, line), where, group.of(line, (a, b)))
 

@@ -136,3 +136,11 @@ def fields(line: Line) -> list[tuple[str, TextSpan]]:
             parts.append((word.strip(), line.part(start + lead, start + lead + len(word.strip()))))
             start = k + 1
     return parts[:-1] if parts and not parts[-1][0] else parts
+
+
+def stream(value: float | str, ratio: float = 1.0) -> dict[str, object]:
+    """Return the table of a one-way conductor of so many W/K times a ratio, from its first end to its second.
+
+    Files give the product of mass flow and specific heat; with 1 J/(kg K) the mass flow has its number.
+    """
+    return {"kind": "flow", "mass_flow": with_unit(value, "kg/s", ratio), "specific_heat": "1 [J/(kg K)]"}

@@ -48,8 +48,17 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
 def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of ESATAN-TMS.
 
-    Conductors are GL and GR, powers QI, courses INTRP1 in $VARIABLES1. Parameters and errors as `to_sinda`; tables over temperature are
-    refused.
+    Conductors are GL and GR, powers QI, courses INTRP1 in $VARIABLES1. Tables over temperature are refused.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`; the scenario needs a duration.
+    path : path         Where to write it too.
+
+    Raises
+    ------
+    DeckError       When a law, a load or a boundary cannot be written.
+    ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
     text = "\n".join(_Esatan(wired(model, scenario, "ESATAN")).lines()) + "\n"
     if path is not None:

@@ -11,12 +11,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.errors import IdentificationError, MissingExtraError, SolverError, ThermidError, nearest
-from thermid.extensions import missing
+from thermid.errors import IdentificationError, SolverError, ThermidError, nearest
 from thermid.files import read_bytes, scratch
 from thermid.fit.minimisation import Fit, covariances, minimise
 from thermid.fit.problem.residuals import Compressed, Sums
 from thermid.fit.problem.unknowns import Unknown
+from thermid.interop.fmu.host import fmpy_package
 from thermid.linear_algebra import Array, null_space
 
 STEP: Final = 1e-3
@@ -128,19 +128,11 @@ def calibrate_fmu(
     IdentificationError     When nothing is asked for, a name or a length does not fit, or a parameter has no room.
     SolverError             When the FMU cannot be run.
     """
-    runner = _Runner(_fmpy(), Path(file), np.asarray(times, dtype=float), tuple(readings), dict(start or {}), inputs)
+    runner = _Runner(fmpy_package(), Path(file), np.asarray(times, dtype=float), tuple(readings), dict(start or {}), inputs)
     with runner.opened():
         problem = _Problem(runner, {k: np.asarray(v, dtype=float) for k, v in readings.items()}, dict(noise), _unknowns(runner, parameters))
         found = minimise(problem)
         return _told(problem, found)
-
-
-def _fmpy() -> Any:
-    try:
-        import fmpy
-    except ImportError as error:
-        raise MissingExtraError(missing(["fmpy"], "running an FMU")) from error
-    return fmpy
 
 
 class _Runner:

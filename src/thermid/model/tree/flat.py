@@ -176,6 +176,10 @@ def flatten(model: Tree) -> Flat:
     ------
     ThermidError   With file and key path of the first thing that does not fit.
     """
+    return model.memo.made("flat", lambda: _laid_flat(model))
+
+
+def _laid_flat(model: Tree) -> Flat:
     names, parameters = Names(model), ParameterSet(model)
     takes = _takes(model, names)
     enclosed, inside = _enclosures(model, names, takes)

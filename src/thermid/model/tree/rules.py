@@ -15,6 +15,7 @@ from thermid.dual import value_of
 from thermid.errors import ThermidError, quoted
 from thermid.model.laws.curves import evaluate
 from thermid.model.parts.controls import named_control
+from thermid.model.parts.kinds import CARRIED_BY
 from thermid.model.parts.takes import exposed_area
 from thermid.model.tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, bare, flatten, into_gas, radiates_into, still, unclosed, unfed
 from thermid.model.tree.identity import APART, cuts_of, local_identities
@@ -408,6 +409,23 @@ def _unsaid(view: _View) -> Iterator[Finding]:
         )
 
 
+def _carried(view: _View) -> Iterator[Finding]:
+    """Constant coefficients to boundaries, most of what leaves the model, of which nothing says what carries the heat."""
+    around = set(view.flat.names.boundaries)
+    leaving = {c.path: c for c in view._conducting() if around & {*c.ends} and not around >= {*c.ends}}
+    # radiation is made linear at room temperature, a law with an exponent stands as at 1 K
+    size = {p: view.conductances[p] * (4.0 * ROOM**3 if c.kind == "radiation" else 1.0) for p, c in leaving.items()}
+    constant = [p for p, c in leaving.items() if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)]
+    unsaid = [p for p in constant if CARRIED_BY not in leaving[p].words]
+    if unsaid and sum(size[p] for p in unsaid) > 0.5 * sum(size.values()):
+        yield Finding(
+            "note",
+            leaving[unsaid[0]].where,
+            f"{quoted(unsaid)} {'has' if len(unsaid) == 1 else 'have'} a constant coefficient, and most of the heat leaves there. "
+            "State what carries it: carried_by = 'free air', 'fan', 'cold plate' or 'leads'. Otherwise bands hold free air and constant.",
+        )
+
+
 def _sources(view: _View) -> Iterator[Finding]:
     """Values without a source, where others have one."""
     literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
@@ -435,6 +453,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _ties,
     _test_only,
     _unsaid,
+    _carried,
     _sources,
 )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Self, TypeVar
 
 from thermid.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, refuse_unknown
+from thermid.memo import Memo
 from thermid.model.laws.curves import Curve
 from thermid.model.parts.controls import Control, named_control
 from thermid.model.parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
@@ -89,6 +90,8 @@ class Tree:
     use : str                   The intended use, in words.
     file : str                  The deck's file name, for messages.
     lines : dict                Key path -> line of the deck, for messages.
+    memo : Memo                 The tree laid flat, once it was asked for.
+    runner : object or None     What runs it in place of the kernel, as an FMU does; see `thermid.simulation.solver.engine.Runner`.
 
     `Model` adds what changes or judges a whole tree.
     """
@@ -114,6 +117,8 @@ class Tree:
     use: str = ""
     file: str = field(default="", compare=False)
     lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+    runner: Any = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         """One line: what it is made of and what it needs."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thermid import _kernel
 from thermid.dual import value_of
 from thermid.errors import ScenarioError, SolverError, nearest, refuse_unknown
-from thermid.linear_algebra import Array
+from thermid.linear_algebra import Array, solve_conserving
 from thermid.model.laws.signal import Constant, Sine, TableSignal
 from thermid.network.controls import PHASE, state_of
 from thermid.network.network import held_in, unreached
@@ -25,6 +25,30 @@ from thermid.simulation.solver.large import METHODS as LARGE_METHODS
 from thermid.simulation.solver.large import integrate_model, refusal, settle_model
 from thermid.simulation.solver.problem import Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
 from thermid.simulation.solver.wiring import Assembled, Wiring
+
+
+class Runner(Protocol):
+    """What runs a model in place of the kernel: somebody else's program, such as an FMU."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of a fit must know."""
+        ...
+
+    @property
+    def starts(self) -> Mapping[str, float]:
+        """Node whose start can be set -> its own start. [K]"""
+        ...
+
+    @property
+    def powers(self) -> Mapping[str, float]:
+        """Load -> what it takes where nobody gives it. [W], or a plain number."""
+        ...
+
+    def run(self, engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, gradients: bool) -> Answer:
+        """Return temperatures of nodes at times, as `Engine.integrate` does."""
+        ...
+
 
 LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
 
@@ -77,6 +101,10 @@ DRIFT = 1.12
 """By how much each step of the search in time is longer than the one before."""
 CLOSE = 1e-10
 LARGEST_MOVE = 100.0
+HOTTEST = 1e5
+"""Above this nothing that a model means is left, here as in runs over time. [K]"""
+NUDGE = 0.01
+"""Change of temperature over which the heat that a boundary takes is differenced. [K]"""
 MOST_PERIODS = 40
 """Periods that are run until a state comes back."""
 CLOSED = 2e-6
@@ -280,6 +308,12 @@ class Engine(KernelProblem):
         super().__init__(wiring)
         self.modal = Modal(wiring, self.problem)
 
+    @property
+    def runner(self) -> Runner | None:
+        """What runs the model in place of the kernel; None for the kernel itself."""
+        found: Runner | None = self.wiring.network.flat.names.model.runner
+        return found
+
     def _as_large(self, options: Options, gradients: bool) -> bool:
         """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
 
@@ -315,6 +349,8 @@ class Engine(KernelProblem):
         SolverError     When the run ends before its time.
         ScenarioError   When the modal solution is asked for and there is none.
         """
+        if (runner := self.runner) is not None:
+            return runner.run(self, a, times, nodes, end, gradients)
         if self._as_large(options, gradients):
             return integrate_model(self, a, times, nodes, end, options, extremes)
         index = self._index()
@@ -488,6 +524,8 @@ class Engine(KernelProblem):
         unknown = np.isnan(a.initial)
         if not unknown.any():
             return a
+        if self.runner is not None:
+            raise ScenarioError("an FMU has no steady start here. Give a temperature as its start.", self.wiring.scenario.title)
         if not unknown.all():
             raise ScenarioError("a steady start gives the temperatures of all nodes. Leave 'initial' out.", self.wiring.scenario.title)
         found, slopes = self._beginning(a, gradients)
@@ -577,22 +615,25 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
     # a small offset keeps the conductance of natural convection above zero at the start
     balance = _Balance(problem, a, time, on)
     temperatures = np.full(balance.size, base + 1.0)
+    reach = LARGEST_MOVE
     for k in range(MOST_ITERATIONS):
         heat, jacobian, slopes = balance(temperatures, gradients)
-        try:
-            step = np.asarray(np.linalg.solve(jacobian, -heat), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            step = np.full(temperatures.shape, np.nan)
-        if not np.isfinite(step).all() or np.linalg.cond(jacobian) > 1e15:
+        leaving = balance.leaving(temperatures, jacobian, given)
+        step = _solved(jacobian, leaving, heat)
+        if step is None:
             raise SolverError(_no_steady(problem, a), where)
         close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
-            temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)))
+            temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
+            # a state far away lies in one direction: steps towards it get longer
+            reach = 2.0 * reach if float(np.abs(step).max()) > reach else LARGEST_MOVE
+            if float(temperatures.max()) > HOTTEST:
+                raise SolverError(_too_hot(problem, balance, temperatures), where)
         else:
             temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
         if close:
-            unstable = np.linalg.eigvals(jacobian).real.max() > 0
-            if unstable:
+            # what only loses heat is stable; rounding of large entries would say otherwise
+            if leaving is None and np.linalg.eigvals(jacobian).real.max() > 0:
                 raise SolverError(
                     "the steady state is unstable: a power grows faster with temperature than the heat removed. Check "
                     "the temperature coefficients of the loads.",
@@ -601,7 +642,9 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
             _, jacobian, slopes = balance(temperatures, gradients)
             if left := problem.left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {left}", where)
-            moves: Array = -np.linalg.solve(jacobian, slopes).astype(float) if slopes is not None else np.zeros((temperatures.size, 0))
+            moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
+            if moves is None:
+                raise SolverError(_no_steady(problem, a), where)
             return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError("no steady state exists: a thermostat keeps switching. Simulate, and use the mean over a late period.", where)
@@ -636,6 +679,30 @@ class _Balance:
             return heat, jacobian, slopes
         return self._sum(heat), self._sum(jacobian)[:, self.own], None if slopes is None else self._sum(slopes)
 
+    def leaving(self, temperatures: Array, jacobian: Array, given: Sequence[float]) -> Array | None:
+        """Return the heat per kelvin (nodes,) that each node loses to boundaries [W/K]; None where that is not all that the network loses.
+
+        The columns of the Jacobian sum to it, but only to rounding of their largest entry: a weak path to a boundary beside a strong one
+        between nodes would be lost. So the conductors that end at a boundary are asked by themselves. What follows temperatures, what goes
+        one way and powers that depend on temperature are left to the Jacobian as it is.
+        """
+        s, size = self.problem.wiring.structure, temperatures.size
+        beside = jacobian - np.diag(np.diag(jacobian))
+        if self.held or s.factors or s.driven or any(p.row.form != "signal" for p in s.loads) or (beside < 0.0).any():
+            return None
+        outer = np.asarray(given, dtype=float)
+        at = np.array([[*(temperatures + d), *outer] for d in (-NUDGE, NUDGE)])
+        flows = np.asarray(self.problem.held.flows(self.a.coefficients, at, np.full(2, float(self.time))))
+        out = np.zeros(size)
+        for k, p in enumerate(s.conductors):
+            if p.a < size <= p.b:
+                out[p.a] += (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
+            elif p.b < size <= p.a:
+                out[p.b] -= (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
+        summed = -jacobian.sum(axis=0)
+        near = np.abs(out - summed) <= 1e-4 * np.abs(out) + 1e-9 * np.abs(jacobian).sum(axis=0)
+        return out if near.all() and (out >= 0.0).all() else None
+
     def _sum(self, rows: Array) -> Array:
         """Return rows of all states summed over each node and what it holds."""
         out: Array = rows[self.own].copy()
@@ -658,9 +725,29 @@ class _Balance:
         return found
 
 
-def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float) -> Array:
-    """Return the temperatures after a step, shortened until less heat is left over: heaters with a knee would make whole steps cycle."""
-    whole = step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300))
+def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
+    """Return the change of temperatures (nodes,) [K] that takes up heat (nodes,) [W]; None where the equations have no one answer."""
+    if leaving is not None:
+        return solve_conserving(jacobian, leaving, heat)
+    try:
+        step = np.asarray(np.linalg.solve(jacobian, -heat), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.isfinite(step).all() and np.linalg.cond(jacobian) <= 1e15 else None
+
+
+def _too_hot(problem: KernelProblem, balance: _Balance, temperatures: Array) -> str:
+    """Return where a steady state lies that no model means."""
+    node = np.array(problem.nodes)[balance.own][int(temperatures.argmax())]
+    return (
+        f"at rest '{node}' would be above {HOTTEST:,.0f} K: more heat is supplied than its paths to a boundary carry. Check its power and "
+        "these conductances; a unit may be wrong."
+    )
+
+
+def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
+    """Return the temperatures after a step of at most `reach`, shortened until less heat is left over: at a knee whole steps cycle."""
+    whole = step * min(1.0, reach / max(float(np.abs(step).max()), 1e-300))
     for halving in range(20):
         moved: Array = np.maximum(temperatures + 0.5**halving * whole, 0.1)
         if np.linalg.norm(balance(moved)[0]) < imbalance:

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.dual import gradient_of, value_of
-from thermid.errors import ScenarioError
+from thermid.errors import ScenarioError, SolverError, ThermidError
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.laws.curves import Curve, value_and_slope
 from thermid.model.laws.signal import Constant, Drawn, Signal, Sine, TableSignal
 from thermid.model.parts.controls import named_control
+from thermid.model.tree.tree import Tree
 from thermid.network.controls import FREE, FactorForm, GuardForm
 from thermid.network.network import Network, Numbers, held_in
 from thermid.network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
@@ -372,6 +373,17 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
     return f'{" and ".join(dict.fromkeys(out))}, and outside = "refuse" ends the run. Add points, or set outside = "hold".'
 
 
+def refuse_unseen(model: Tree, what: str, kind: type[ThermidError] = ScenarioError) -> None:
+    """Refuse what needs the equations of a model that is run by somebody else's program.
+
+    Raises
+    ------
+    ScenarioError   When it is, as an FMU; or the error of another kind.
+    """
+    if model.runner is not None:
+        raise kind(f"{what} needs the equations of the model, which an FMU does not show. Use a deck for it.", model.title)
+
+
 class KernelProblem:
     """The kernel's problem for one wiring; the same for all values of its unknowns."""
 
@@ -530,6 +542,7 @@ class KernelProblem:
 
         `on`: states of thermostats and modes of controls (controls,); -1, or None, for those that temperatures and the start give.
         """
+        refuse_unseen(self.wiring.network.flat.names.model, "a heat balance", SolverError)
         extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
         heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra, on)
         return heat, jacobian, slopes
