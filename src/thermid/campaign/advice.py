@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from thermid.errors import IdentificationError, SolverError, ThermidError
 from thermid.explain.mistakes import Mistakes, find_mistakes
 from thermid.fit.calibration import Calibration
@@ -50,7 +52,7 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
     """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
     if not isinstance(error, IdentificationError | SolverError):
         return error
-    said = stray_readings(request.records)
+    said: Sequence[str] = stray_readings(request.records)
     if not said and request.model.runner is None:
         said = find_mistakes(request, stage).lines()
     words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in said]

@@ -208,7 +208,8 @@ class CampaignSource:
         """Return the model of a stage, by the file name of its deck or FMU."""
         target = resolve_inside(self.path.parent, file, where)
         if target.suffix.lower() == ".fmu":
-            return self.memo.made(("fmu", target), lambda: extension("an FMU as a model", where)(target))
+            made: Model = self.memo.made(("fmu", target), lambda: extension("an FMU as a model", where)(target))
+            return made
         return load_model(target)
 
 
