@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -188,7 +189,7 @@ def _hours(given: Any, name: str) -> float | None:
     """Return a time from hours; None where none is given. [s]"""
     if given is None or given == "":
         return None
-    if isinstance(given, bool) or not isinstance(given, int | float) or not np.isfinite(given):
+    if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
         raise RecordError(f"'{name}' is a number of hours.", "bench")
     return 3600.0 * float(given)
 

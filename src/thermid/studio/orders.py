@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -82,7 +83,9 @@ def _text(body: Mapping[str, Any], key: str) -> str:
 
 def _values(body: Mapping[str, Any]) -> dict[str, float]:
     sliders = body.get("values", {})
-    if not isinstance(sliders, dict) or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in sliders.values()):
+    if not isinstance(sliders, dict) or not all(
+        isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in sliders.values()
+    ):
         raise DeckError("give values as numbers by path.", "studio")
     return {str(k): float(v) for k, v in sliders.items()}
 
@@ -155,7 +158,7 @@ def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -
     folded = texts_of(asked, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
     time, run = asked.get("time"), asked.get("run", 0)
-    if not isinstance(run, int) or isinstance(run, bool) or not (time is None or isinstance(time, int | float)):
+    if not isinstance(run, int) or isinstance(run, bool) or not (time is None or (isinstance(time, int | float) and math.isfinite(time))):
         raise DeckError("give a run as a whole number and a time as a number.", "studio")
     return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
 

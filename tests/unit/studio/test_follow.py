@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 import thermid as td
 from thermid.acquire.benchlog import log_line
 from thermid.acquire.wire import crc16
-from thermid.errors import DeckError, RecordError
+from thermid.errors import DeckError, RecordError, ThermidError
 from thermid.measure.readers.textfile import UNFINISHED
 from thermid.studio.follow import Follower
 from thermid.studio.orders import as_json
@@ -169,3 +170,10 @@ def test_a_hostile_name_stays_text(tmp_path: Path) -> None:
     told = Follower(tmp_path).look({"file": "run.csv"})
     assert seen(told, EVIL)["values"].size
     assert "<script" not in as_json(told)
+
+
+@pytest.mark.parametrize("since", [10**20, 10**30, -(10**25)])
+def test_a_whole_number_beyond_a_machine_integer_is_a_time_like_any_other(log: Path, since: int) -> None:
+    """numpy has no word for it: an answer of 500."""
+    with suppress(ThermidError):
+        Follower(log.parent).look({"file": log.name, "since": since})

@@ -18,6 +18,7 @@ pytest.importorskip("starlette", reason="the studio's extra is not installed")
 import uvicorn
 
 from thermid.errors import DeckError
+from thermid.fit.problem.unknowns import Unknown
 from thermid.studio import server as serving
 from thermid.studio.project import Project
 from thermid.studio.server import application, limited, serve
@@ -204,6 +205,8 @@ def test_more_at_once_than_the_studio_answers_wait_for_another_time(port: int) -
         ("curves", {"stage": "deck", "window": [0, 10**400]}, "too many digits"),
         ("picture", {"stage": "deck", "folded": 3}, "'folded' is no list of texts"),
         ("picture", {"stage": "deck", "values": {"file": 1.0}}, "there is no slider 'file'"),
+        ("picture", {"stage": "deck", "time": float("nan")}, "a time as a number"),
+        ("curves", {"stage": "deck", "values": {"x": float("inf")}}, "give values as numbers by path"),
         ("fit", {"stage": "deck", "free": 1.5}, "'free' is no list of texts"),
         ("curves", {"values": [[[0]]] * 2 + [json.loads("[" * 80 + "]" * 80)]}, "nested too deeply"),
     ],
@@ -213,3 +216,12 @@ def test_what_a_hostile_client_made_of_an_order_is_answered_in_words(port: int, 
     status, _, text = asked(port, f"/api/{order}", body | ({"stage": stage} if "stage" in body else {}))
     assert status in (200, 400)
     assert message in json.loads(text)["error"]
+
+
+def test_a_value_without_a_logarithm_is_refused_with_its_name() -> None:
+    """A slider of a hostile client at -1: math domain error, an answer of 500."""
+    unknown = Unknown("skin.htc", "parameter", (), 5.0, log=True)
+    for value in (-1.0, 0.0, float("nan")):
+        with pytest.raises(DeckError, match=r"skin\.htc: the value must be above zero"):
+            unknown.to_fitted(value)
+    assert unknown.to_fitted(1.0) == 0.0

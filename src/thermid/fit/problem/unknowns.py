@@ -66,7 +66,14 @@ class Unknown:
     also: tuple[str, ...] = ()
 
     def to_fitted(self, value: float) -> float:
-        """Return the fitted form of a value."""
+        """Return the fitted form of a value.
+
+        Raises
+        ------
+        DeckError   When its logarithm is fitted, and it is not above zero.
+        """
+        if self.log and not value > 0.0:
+            raise DeckError(f"the value must be above zero, not {value:g}: its logarithm is fitted.", self.name)
         return math.log(value) if self.log else value
 
     def to_value(self, fitted: float) -> float:
