@@ -338,11 +338,3 @@ def test_the_search_for_the_fewest_terms_ends_at_three_hundred_bases(unknowns: i
 
     _few_terms(np.random.default_rng(5).standard_normal((unknowns, 2)), variance)
     assert len(asked) == 2 * judged
-
-
-def test_free_air_is_expected_in_the_middle_of_its_exponents() -> None:
-    """From a warm plate's underside, 1/5, to turbulence, 1/3: twice the difference carries 2^(4/15) times the coefficient."""
-    from thermid.fit.discrepancy import _Way
-
-    way = _Way(1.0, 0.0, 0.0, 0.0, True)
-    assert way.grown(np.array([2.0])) == pytest.approx(2.0 ** (4.0 / 15.0) - 1.0)
