@@ -294,3 +294,47 @@ def test_the_heat_balance_closes_within_twice_its_error() -> None:
     plain = EnergyBalance("b", {}, {}, {}, {"case": (0.0, 0.1)}, 1.95, 1.0, {}, ())
     assert plain.closes
     assert not replace(plain, total=2.05).closes
+
+
+def test_sensors_of_one_node_weigh_by_the_squares_of_their_errors() -> None:
+    """1 +- 0.1 and 3 +- 0.2 are 1.4, four to one; they lie eight times as far apart as errors allow (Birge's ratio), chi^2 = 80."""
+    from thermid.explain.balance import _together
+
+    mean, error = _together([1.0, 3.0], [0.1, 0.2])
+    assert mean == pytest.approx(1.4)
+    assert error == pytest.approx(np.sqrt(80.0 / 125.0))
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        ("kind", "one_in"),
+        [("per cent", 7.4), ("exchanged", 7.4), ("unit", 20), ("node", 20), ("clock", 148), ("sensor", 403), ("fan", 403), ("load", 665)],
+    )
+    def test_how_seldom_a_kind_is(self, kind: str, one_in: float) -> None:
+        """A mistake outweighs none from the point where its likelihood is so many times as large."""
+        from thermid.explain.mistakes import Hypothesis, _gain
+
+        mistake = Hypothesis(kind, "x", str, str, None)  # type: ignore[arg-type]
+        base, end = SimpleNamespace(cost=100.0), lambda better: SimpleNamespace(cost=100.0 - np.log(better))
+        assert _gain(mistake, end(0.95 * one_in), base) < 0.0 < _gain(mistake, end(1.05 * one_in), base)  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize(("factor", "suspected"), [(1.45, False), (1.55, True)])
+    def test_a_duty_passes_the_deck_s_power_by_half(self, factor: float, suspected: bool) -> None:
+        from thermid.explain.mistakes import _per_cents
+        from unit.explain.test_mistakes import PAIR, asked
+
+        assert bool(list(_per_cents(asked(factor), compile_network(PAIR)))) is suspected
+
+    @pytest.mark.parametrize(("span", "moves"), [(2.9, False), (3.1, True)])
+    def test_a_boundary_whose_clock_may_be_off_moves_by_three_kelvin(
+        self, span: float, moves: bool, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from thermid.explain.mistakes import _clocks
+
+        shifted: list[list[str]] = []
+        monkeypatch.setattr("thermid.explain.mistakes._shifts", lambda request, fit, names, seen: shifted.append(names) or [])
+        times = np.linspace(0.0, 3600.0, 61)
+        wall = td.Channel.of("WALL", 295.0 + span * times / 3600.0, role="boundary", target="room")
+        request = SimpleNamespace(records=(td.Record.from_arrays("log", times, {"WALL": wall}),))
+        assert list(_clocks(request, SimpleNamespace(traces=()))) == []  # type: ignore[arg-type]
+        assert shifted == ([["WALL"]] if moves else [])
