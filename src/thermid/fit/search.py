@@ -38,6 +38,8 @@ TWICE = 4.0
 """Residuals of twice the stated noise, as a reduced chi-square, make one valley doubtful."""
 CHANCE, FEWEST = 0.01, 16
 """Chance that noise alone makes a trace look as if it contradicted its noise, over all traces; shorter traces are not asked."""
+PROVED = 9.0
+"""Gain in chi-square, in independent samples, from which another valley is better than that of the given start: three standard errors."""
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
@@ -197,6 +199,22 @@ def contradictions(problem: Problem, found: Fit) -> str:
     return f"residuals of {where} are not noise" if beyond < CHANCE else ""
 
 
+def preferred(problem: Problem, first: Fit, others: list[Fit]) -> Fit:
+    """Return the cheapest end that is proved to be better than that from the given start, else the latter.
+
+    Residuals that wander with a correlation r from sample to sample count (1 - r) / (1 + r) times as often as they are, and those above the
+    noise by its square less: a gain in chi-square, so weighed, of less than `PROVED` says nothing. Among values that fit as well those that
+    the given start leads to stand, and an end that did not converge does not replace one that did.
+    """
+    said = [sums.statistics(0.0) for _, _, sums in first.sums]
+    count = [max(sums.count, 1) for _, _, sums in first.sums]
+    memory = np.clip([s.lag_one for s in said], 0.0, 1.0 - 1e-6)
+    share = float(np.average((1.0 - memory) / (1.0 + memory), weights=count)) if said else 1.0
+    weight = share / max(1.0, _level(problem, first))
+    better = [f for f in others if 2.0 * (first.cost - f.cost) * weight > PROVED and (f.converged or not first.converged)]
+    return min(better, key=lambda f: f.cost, default=first)
+
+
 def _level(problem: Problem, found: Fit) -> float:
     """Return the weighted sum of squares per degree of freedom. [-]"""
     return found.chi_square / max(problem.freedom, 1.0)
@@ -273,7 +291,7 @@ class Search:
         self.tell(f"a second descent from the other side of the start, because {why}", self.spent[0])
         second = self.descent(population.placed(opposite[None, :])[0])
         problem = population.problem
-        best = min((first, second), key=lambda f: f.cost)
+        best = preferred(problem, first, [second])
         total = first.evaluations + second.evaluations
         if second.stopped:
             return _stopped(first, [first, second], total)
@@ -282,12 +300,12 @@ class Search:
                 first, evaluations=total, search=f"{why}: a second descent, from the other side of the start, ended at the same values"
             )
         if contradictions(problem, best):
-            return self.descents([first, second], why, DESCENTS - 1)
+            return self.descents([first, second], why, DESCENTS - 1, proved=True)
         words, remarks = _valleys(problem, best, [first, second], first)
         return replace(best, evaluations=total, search=f"{why}: {words}", remarks=(*best.remarks, *remarks))
 
-    def descents(self, ends: list[Fit], why: str, many: int) -> Fit:
-        """Return the best of the descents so far and of so many more, from the best points of the box."""
+    def descents(self, ends: list[Fit], why: str, many: int, proved: bool = False) -> Fit:
+        """Return the best of the descents so far and of so many more, from the best points of the box; see `preferred` for `proved`."""
         population, first = self.population, ends[0]
         count = sum(end.evaluations for end in ends)
         try:
@@ -312,7 +330,7 @@ class Search:
             count += ends[-1].evaluations
             if ends[-1].stopped:
                 return _stopped(first, ends, count)
-        best = min(ends, key=lambda f: (round(f.cost, 6), f is not first))
+        best = preferred(population.problem, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
         words, remarks = _valleys(population.problem, best, ends, first)
         words = f"multistart, {why}: {costs.size} points, {words}"
         return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))
@@ -371,7 +389,9 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
     words = f"{len(ends)} descents, {sum(same)} of which ended at the same values"
     others = [f for f, s in zip(ends, same, strict=True) if not s]
     if others:
-        words += f"; the next best costs {min(f.cost for f in others) / best.cost:.4g} times as much"
+        least = min(f.cost for f in others) / best.cost
+        words += f"; the next best costs {least:.4g} times as much"
+        words += "" if least >= 1.0 else ", which residuals that wander do not prove to be better than the end from the given start"
     if first.cost > best.cost * (1 + 1e-6) and not same[ends.index(first)]:
         words += f"; the descent from the given start ended at {first.cost / best.cost:.4g} times the best cost"
     remarks = []

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError, ThermidError, nearest
 from thermid.files import read_bytes, scratch
 from thermid.fit.minimisation import Fit, covariances, minimise
@@ -98,6 +99,7 @@ class FittedFmu:
         return "\n".join([*lines, *(f"  {name}  rms {rms:.4g}, noise {self.noise[name]:.4g}" for name, rms in self.rms.items())])
 
 
+@takes_objects
 def calibrate_fmu(
     file: str | Path,
     times: Array,
