@@ -60,7 +60,7 @@ def recall(folder: Path | None, stage: str, key: str) -> dict[str, float] | None
         kept = json.loads(path.read_text(encoding="utf-8"))
         fitted = {str(k): float(v) for k, v in kept["fitted"].items()}
         return fitted if (kept["key"], kept["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all() else None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None  # a damaged file is as good as none: the stage runs again
 
 
@@ -74,7 +74,7 @@ def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str
         before = {str(k): str(v) for k, v in kept.get("ingredients", {}).items()}
         names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
         return (*names, *(["code"] if kept["code"] != code_digest() else []))
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return ("the cached file is damaged",)
 
 

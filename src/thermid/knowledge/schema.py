@@ -28,7 +28,7 @@ UnitText = Annotated[str, reads(str, _known_unit)]
 
 def _law(table: Any) -> Distribution:
     """Return the distribution that a table gives by its form and its numbers; a law inside a law likewise."""
-    if not isinstance(table, dict) or table.get("form") not in DISTRIBUTIONS:
+    if not isinstance(table, dict) or not isinstance(table.get("form"), str) or table["form"] not in DISTRIBUTIONS:
         raise DeckError(f"a law has the form {', '.join(DISTRIBUTIONS)}.")
     kind: Any = DISTRIBUTIONS[table["form"]]
     wanted, given = set(kind.__dataclass_fields__), {k: v for k, v in table.items() if k != "form"}

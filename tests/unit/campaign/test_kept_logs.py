@@ -213,3 +213,10 @@ def test_a_finished_stage_does_not_outlive_the_code(tmp_path: Path, monkeypatch:
     assert cache.recall(tmp_path, "box", "key") == {"htc": 1.5}
     monkeypatch.setattr(cache, "code_digest", lambda: "another")
     assert cache.recall(tmp_path, "box", "key") is None
+
+
+@pytest.mark.parametrize("damage", ['"fitted": {"htc": 1' + "0" * 400 + "}", '"fitted": ' + "[" * 100_000, '"fitted": {"htc": "x"}'])
+def test_a_damaged_fit_is_as_good_as_none(tmp_path: Path, damage: str) -> None:
+    """A whole number that no float holds, lists without an end, a text: the stage runs again."""
+    (tmp_path / "box.fit.json").write_text(f'{{"key": "key", "code": "c", "ingredients": {{}}, {damage}}}', encoding="utf-8")
+    assert cache.recall(tmp_path, "box", "key") is None

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import ScenarioError, UnitError
+from thermid.errors import DeckError, ScenarioError, UnitError
+from thermid.knowledge.schema import _law
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Choice, Cut, Distribution, LogNormal, Normal, Shifted, Uniform
 from thermid.units import TEMPERATURE
@@ -98,3 +99,10 @@ def test_what_a_spread_cannot_mean(given: Any, slot: str, error: type[Exception]
 def test_a_range_needs_bounds() -> None:
     with pytest.raises(ScenarioError, match=r"'range' needs min and max of the value in its deck\."):
         read_spread("range", "W", 5.0, "here", bounds=(0.0, np.inf))
+
+
+@pytest.mark.parametrize("form", [{"x": 1}, ["normal"], 3, None, ""])
+def test_a_law_whose_form_is_no_word_is_refused(form: object) -> None:
+    """A table has no hash: a mutant of a values file ended in a TypeError."""
+    with pytest.raises(DeckError, match="a law has the form"):
+        _law({"form": form})
