@@ -7,6 +7,7 @@ second. `scripts/write_schema.py` lists the kinds and writes a JSON Schema of ea
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeAlias, TypeVar, Union
 
 from pydantic import (
@@ -312,9 +313,15 @@ WANTED = {
 """Fault of pydantic -> what should stand there."""
 
 
+@cache
+def _schema(grammar: type[Grammar]) -> dict[str, Any]:
+    """Return the schema of a grammar, made once: faults ask for it again and again."""
+    return grammar.model_json_schema()
+
+
 def _fields(path: list[str], branch: str, grammar: type[Grammar]) -> list[str]:
     """Return the names that a table at a key path may hold."""
-    schema = grammar.model_json_schema()
+    schema = _schema(grammar)
     definitions = schema.get("$defs", {})
     if branch:
         return list(definitions[branch]["properties"])

@@ -391,7 +391,7 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
     if others:
         least = min(f.cost for f in others) / best.cost
         words += f"; the next best costs {least:.4g} times as much"
-        words += "" if least >= 1.0 else ", which residuals that wander do not prove to be better than the end from the given start"
+        words += "" if least >= 1.0 else ", which is no proof that they are better, because the residuals are autocorrelated"
     if first.cost > best.cost * (1 + 1e-6) and not same[ends.index(first)]:
         words += f"; the descent from the given start ended at {first.cost / best.cost:.4g} times the best cost"
     remarks = []
