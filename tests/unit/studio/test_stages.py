@@ -17,10 +17,8 @@ from thermid.studio.project import Project
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The campaign of example 04 with its decks and logs, its stages run."""
-    root = tmp_path_factory.mktemp("studio")
+def laid(root: Path) -> Path:
+    """The campaign of example 04 with its decks and logs."""
     for name in ("02_stack", "04_campaign"):
         shutil.copytree(EXAMPLES / name, root / name, ignore=shutil.ignore_patterns("logs", "results", "__pycache__"))
     shutil.copy(EXAMPLES / "thermid.toml", root)
@@ -28,6 +26,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(sys, "argv", ["make_logs.py", str(root / "04_campaign" / "logs")])
         runpy.run_path(str(root / "04_campaign" / "make_logs.py"), run_name="__main__")
     return root / "04_campaign"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign with its stages run."""
+    made = laid(tmp_path_factory.mktemp("studio"))
+    project = opened(made)
+    for name in project.stages:
+        project.run(name)
+    return made
 
 
 def opened(folder: Path) -> Project:
@@ -41,7 +49,8 @@ def states(project: Project) -> list[str]:
     return [project.states[n].state for n in project.stages]
 
 
-def test_a_campaign_is_run_kept_and_found_again(folder: Path) -> None:
+def test_a_campaign_is_run_kept_and_found_again(tmp_path: Path) -> None:
+    folder = laid(tmp_path)
     project = opened(folder)
     assert states(project) == ["new", "new", "waiting"]
     with pytest.raises(DeckError, match=r"m_PrE: needs values of 'ProcSISNAV', which has not been"):
