@@ -13,7 +13,7 @@ from recovery import matched, mismatch
 pytestmark = pytest.mark.recovery
 PAGE = Path(__file__).parents[2] / "docs" / "coverage.md"
 SEED = 20261122
-DRAWS = 30
+DRAWS = 50
 """Of the quick run; the whole campaigns have a thousand."""
 
 

@@ -2,7 +2,7 @@
 
 In: a `Problem`, a loss, a way of searching. Out: the best `Fit`, all evaluations counted, and in words what was looked at.
 Several starts, differential evolution and covariance matrix adaptation look at members run side by side; least squares always ends it.
-May import: `fit.problem`, `fit.minimisation` and the rooms below a fit.
+May import: `fit.problem`, `fit.minimisation`, `fit.uncertainty` and the rooms below a fit.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from thermid.extensions import optional
 from thermid.fit.minimisation import Fit, ended, minimise
 from thermid.fit.problem.residuals import Problem, loss_of
 from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.uncertainty.noise import autocorrelation
 from thermid.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.simulation.ensemble import run_members
 from thermid.units import counted
@@ -199,20 +200,20 @@ def contradictions(problem: Problem, found: Fit) -> str:
     return f"residuals of {where} are not noise" if beyond < CHANCE else ""
 
 
-def preferred(problem: Problem, first: Fit, others: list[Fit]) -> Fit:
+def preferred(population: Population, first: Fit, others: list[Fit]) -> Fit:
     """Return the cheapest end that is proved to be better than that from the given start, else the latter.
 
-    Residuals that wander with a correlation r from sample to sample count (1 - r) / (1 + r) times as often as they are, and those above the
-    noise by its square less: a gain in chi-square, so weighed, of less than `PROVED` says nothing. Among values that fit as well those that
-    the given start leads to stand, and an end that did not converge does not replace one that did.
+    Autocorrelated residuals at the cheaper end are worth fewer samples, see `autocorrelation`, and those above the noise less by its
+    square: a gain in chi-square, so weighed, of less than `PROVED` says nothing. Among values that fit as well those that the given start
+    leads to stand, and an end that did not converge does not replace one that did.
     """
-    said = [sums.statistics(0.0) for _, _, sums in first.sums]
-    count = [max(sums.count, 1) for _, _, sums in first.sums]
-    memory = np.clip([s.lag_one for s in said], 0.0, 1.0 - 1e-6)
-    share = float(np.average((1.0 - memory) / (1.0 + memory), weights=count)) if said else 1.0
-    weight = share / max(1.0, _level(problem, first))
-    better = [f for f in others if 2.0 * (first.cost - f.cost) * weight > PROVED and (f.converged or not first.converged)]
-    return min(better, key=lambda f: f.cost, default=first)
+    best = min((f for f in others if f.converged or not first.converged), key=lambda f: f.cost, default=first)
+    if best.cost >= first.cost:
+        return first
+    problem = population.problem
+    traces = autocorrelation(problem, best, population.loss, population.loss_scale).traces
+    share = sum(t.effective_samples for t in traces) / max(sum(t.samples for t in traces), 1)
+    return best if 2.0 * (first.cost - best.cost) * share > PROVED * max(1.0, _level(problem, best)) else first
 
 
 def _level(problem: Problem, found: Fit) -> float:
@@ -291,7 +292,7 @@ class Search:
         self.tell(f"a second descent from the other side of the start, because {why}", self.spent[0])
         second = self.descent(population.placed(opposite[None, :])[0])
         problem = population.problem
-        best = preferred(problem, first, [second])
+        best = preferred(population, first, [second])
         total = first.evaluations + second.evaluations
         if second.stopped:
             return _stopped(first, [first, second], total)
@@ -330,7 +331,7 @@ class Search:
             count += ends[-1].evaluations
             if ends[-1].stopped:
                 return _stopped(first, ends, count)
-        best = preferred(population.problem, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
+        best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
         words, remarks = _valleys(population.problem, best, ends, first)
         words = f"multistart, {why}: {costs.size} points, {words}"
         return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))

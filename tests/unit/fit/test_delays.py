@@ -9,21 +9,11 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError, ThermidError
+from unit.fit.test_clocks import AIR, BOX, FREE
 
-BOX = td.model_from_dict(
-    {
-        "title": "Box",
-        "needs": ["air"],
-        "nodes": {"case": {"capacitance": "300 [J/K]"}},
-        "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"}},
-        "loads": {"heat": {"into": "case", "power": "10 [W]"}},
-    }
-)
 TIMES = np.arange(0.0, 1801.0, 5.0)
 SWITCHES = np.array([100.0, 503.0, 702.0, 1101.0])
 LEVELS = np.array([3.0, 20.0, 3.0, 12.0, 3.0])
-FREE = ["case.capacitance", "out.conductance"]
-AIR = td.Scenario("s", {"air": "20 [degC]"}, start="20 [degC]")
 CAMPAIGN = """
 title = "late"
 
@@ -104,9 +94,9 @@ def test_a_campaign_finds_a_delay(tmp_path: Path) -> None:
     [
         (5.0, ["T"], "'T' is no load, command or boundary, so it cannot be delayed. Name the channels that drive the model."),
         (5.0, [], "the record has no load or command, so it cannot be delayed."),
-        ((5.0, 2.0), None, "the range 5 .. 2 of its clock's delay must begin with the lower number."),
+        ((5.0, 2.0), None, "the range 5 .. 2 of the delay must begin with the lower number."),
         ((1.0, 2.0, 3.0), None, "3 times are given. Give one delay, or the two ends of its range."),
-        ("1 [h]", None, "a delay of up to 3600 s is as long as the record."),
+        ("1 [h]", None, "a delay of up to 3600 s is as long as the record. Give a shorter delay."),
         (5.0, ["Q"], "Q"),
     ],
 )
@@ -117,7 +107,7 @@ def test_what_cannot_be_delayed(by, channels, message) -> None:
 
 
 def test_only_one_clock_is_left_to_the_fit() -> None:
-    with pytest.raises(RecordError, match=r"Only one clock at a time may be\."):
+    with pytest.raises(RecordError, match=r"Only one clock at a time may be; state this delay as one time\."):
         late(0.0).delayed((0.0, 60.0)).delayed((0.0, 60.0))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from ctypes import POINTER, c_double, c_uint32
@@ -274,7 +275,7 @@ def _stride(setting: FmuSetting, way: FmuSetting, end: float) -> float:
     return STEP / max(max(sizes, default=1.0), 1e-300)
 
 
-class _FmuRun:
+class _FmuRun(ABC):
     """What both forms share: an instance that is set up, and its inputs."""
 
     def __init__(self, file: FmuFile, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]) -> None:
@@ -330,8 +331,9 @@ class _FmuRun:
                 self.put(self.driven, values)
                 self.stand = values
 
+    @abstractmethod
     def _go(self) -> tuple[Array, Array]:
-        raise NotImplementedError
+        """Return outputs and slopes of a run."""
 
 
 @dataclass(frozen=True)

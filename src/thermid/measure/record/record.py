@@ -341,7 +341,7 @@ class Record(Samples, Result):
         ------
         RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
-        offsets, rates = (_range(given, name, other.name) for given, name in ((offset, "offset"), (rate, "rate")))
+        offsets, rates = (_range(given, name, other.name) for given, name in ((offset, "offset of its clock"), (rate, "rate of its clock")))
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
         joint = self._joined(other, *middle, rates[0])
         if offsets[0] == offsets[1] and rates[0] == rates[1]:
@@ -403,9 +403,14 @@ class Record(Samples, Result):
             raise RecordError(f"{len(ends)} times are given. Give one delay, or the two ends of its range.", f"{self.name}, delay")
         low, high = _range((ends[0], ends[1]), "delay", self.name)
         if max(abs(low), abs(high)) >= self.duration:
-            raise RecordError(f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record.", f"{self.name}, delay")
+            raise RecordError(
+                f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.", f"{self.name}, delay"
+            )
         if low < high and self.second is not None:
-            raise RecordError("a clock of this record is left to the fit already. Only one clock at a time may be.", f"{self.name}, delay")
+            raise RecordError(
+                "a clock of this record is left to the fit already. Only one clock at a time may be; state this delay as one time.",
+                f"{self.name}, delay",
+            )
         late = replace(self, channels={n: self.channels[n] for n in chosen})
         rest = replace(self, channels={n: c for n, c in self.channels.items() if n not in chosen})
         middle = 0.5 * (low + high)
@@ -623,10 +628,10 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
 
 
 def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
-    """Return the range of a clock's offset or rate."""
+    """Return the range of a clock's offset or rate, or of a delay."""
     low, high = given if isinstance(given, tuple | list) else (given, given)
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-        raise RecordError(f"the range {low:g} .. {high:g} of its clock's {name} must begin with the lower number.", where)
+        raise RecordError(f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where)
     return float(low), float(high)
 
 
