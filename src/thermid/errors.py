@@ -4,7 +4,7 @@
 command line returns for it.
 
 `CAPS` is how much a file, a text or a request may ask for before it is refused, and `cap` says what holds now: the environment variable
-`THERMID_CAPS` raises or lowers any of them. Decision 219 says why there is one table.
+`THERMID_CAPS` raises or lowers any of them. Decision 216 says why there is one table.
 """
 
 from __future__ import annotations

@@ -98,6 +98,15 @@ def test_decisions_are_numbered_without_gaps() -> None:
     assert all(re.fullmatch(r"\d{3}-[a-z0-9-]+\.md", name) for name in names)
 
 
+def test_the_number_of_a_decision_is_that_of_its_link() -> None:
+    apart = []
+    for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
+        for said, file in re.findall(r"\[(?:[Dd]ecision )?(\d{3})\]\([^)\s]*?(\d{3})-[a-z0-9-]+\.md", path.read_text(encoding="utf-8")):
+            if said != file:
+                apart.append(f"{path.name}: {said} leads to {file}")
+    assert apart == []
+
+
 @pytest.mark.parametrize("path", DECISIONS, ids=lambda path: path.stem)
 def test_a_decision_has_its_four_parts(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
