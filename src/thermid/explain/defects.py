@@ -1,0 +1,282 @@
+"""`explained`: which hidden defect, fitted beside a deck that does not have it, makes the residuals of a fit as small as the noise.
+
+In: a `Calibration`. Out: the fits with a defect that its readings allow, each with its weight, or nothing: no defect is proved.
+
+Every defect (sensors that lag, a mass, a leak) is fitted together with the clock of the powers, which the fit finds too, and the clock is
+tried alone. A sampled power changed somewhere between two samples: early, in the middle and late are tried, each as likely. Weights are
+those of Bayesian model averaging with the criterion of Schwarz (Hoeting and others, Statistical Science 14 (1999) 382-417).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from thermid.errors import ThermidError
+from thermid.explain.candidates import Fitted, MissingElement, hidden_defects
+from thermid.fit.calibrate import fit as refit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem.experiment import MEASURED, Experiment
+from thermid.fit.problem.request import Request
+from thermid.linear_algebra import Array
+from thermid.measure import Channel, Record
+from thermid.measure.amounts import short
+from thermid.simulation.scenarios.scenario import Scenario
+
+NOISY = 1.5
+"""Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
+STRONG = 10.0
+"""Difference of BIC that proves a defect: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773."""
+DECIDED = 0.5
+"""Relative error of a defect's own values above which the readings do not show it: the fit without it stands for it. [-]"""
+LEAST = 0.02
+"""Weight beside the best below which a defect is left out. [-]"""
+INSTANTS = (0.5, 1.0 / 6.0, 5.0 / 6.0)
+"""Where in the interval between two samples a power changed: the middles of thirds, the middle one first. [-]"""
+MOST_CHANGES = 20
+"""Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
+FAR_STEPS, FAR_PART = 8.0, 0.05
+"""How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
+REST = 4.0
+"""Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
+MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
+"""What a fit may hold for some ten refits of it to be worth their time."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExplainedFit:
+    """A fit with a defect that its deck does not have.
+
+    Parameters
+    ----------
+    name, words : str   The defect, and what was found of it.
+    weight : float      Its probability among those that the readings allow. [-]
+    fit : Calibration
+    """
+
+    name: str
+    words: str
+    weight: float
+    fit: Calibration
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """One refit: its defect, where in their intervals powers changed, its Schwarz criterion [-]."""
+
+    change: MissingElement | None
+    instant: float
+    fit: Calibration
+    criterion: float
+
+
+@lru_cache(maxsize=16)
+def explained(fit: Calibration) -> tuple[ExplainedFit, ...]:
+    """Return the fits with hidden defects that explain the residuals of a fit, the likeliest first; empty where none is proved.
+
+    A defect is proved where its fit leaves residuals of the stated noise and its BIC is lower by `STRONG` than that of the fit without
+    it. Fits that are not much worse share its weight.
+
+    Parameters
+    ----------
+    fit : Calibration   A fit of this session, of a network of thermid's own, to records with stated noise.
+    """
+    request = fit.request
+    if request is None or not asks(fit):
+        return ()
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return _explained(fit, request)
+
+
+def asks(fit: Calibration) -> bool:
+    """Whether the residuals of a fit are larger than the stated noise, and the fit is small enough for refits."""
+    problem, request = fit.problem, fit.request
+    if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.model.runner is not None or problem.clocked:
+        return False
+    small = len(problem.unknowns) <= MOST_UNKNOWNS and problem.samples <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
+    small = small and len(problem.experiments[0].network.nodes) <= MOST_NODES
+    stated = all(o.noise is not None for o in problem.observations())
+    return small and stated and fit.reduced_chi_square > NOISY and any(r.steps or True for r in request.records)
+
+
+def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
+    seen = Fitted.of(fit, request)
+    clock = _clock(fit)
+    found = [t for change in (None, *hidden_defects(seen)) if (t := _tried(seen.request, change, INSTANTS[0], clock)) is not None]
+    if not found:
+        return ()
+    best = min(found, key=lambda t: t.criterion)
+    level = max(1.0, best.fit.reduced_chi_square)
+    if best.fit.reduced_chi_square > NOISY or _criterion(fit, fit) - best.criterion < STRONG * level:
+        return ()
+    near = [t for t in found if t.criterion - best.criterion < -2.0 * level * float(np.log(LEAST))]
+    if clock is not None and clock.sampled:
+        near += [t for one in tuple(near) for f in INSTANTS[1:] if (t := _tried(seen.request, one.change, f, clock)) is not None]
+    lowest = min(t.criterion for t in near)
+    weights = np.exp([-0.5 * (t.criterion - lowest) / level for t in near])
+    kept = weights > LEAST
+    whole = float(weights[kept].sum())
+    out = [
+        ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w) / whole, t.fit)
+        for t, w, stays in zip(near, weights, kept, strict=True)
+        if stays
+    ]
+    return tuple(sorted(out, key=lambda e: -e.weight))
+
+
+def _criterion(found: Calibration, base: Calibration) -> float:
+    """Return the criterion of Schwarz of a fit, but for what all fits of the same readings share. [-]"""
+    count = base.freedom + len(base.fitted)
+    return found.chi_square + len(found.fitted) * float(np.log(max(count, 2.0)))
+
+
+def _tried(request: Request, change: MissingElement | None, instant: float, clock: _Clock | None) -> _Tried | None:
+    """Return the refit with a defect and the clock; nothing where it cannot be fitted, or is not shown by the readings."""
+    if change is None and clock is None:
+        return None
+    made = request if change is None else change.make(request)
+    if clock is not None:
+        made = clock.make(made, instant)
+    try:
+        found = refit(replace(made, search="local"))
+        shown = change is None or (change.judge(found)[1] and _decided(request, found))
+    except (ThermidError, np.linalg.LinAlgError):
+        return None
+    return _Tried(change, instant, found, _criterion(found, found)) if shown and found.converged else None
+
+
+def _decided(request: Request, found: Calibration) -> bool:
+    """Whether the values that a defect adds have errors that are small beside them."""
+    own = [v for p, v in found.values.parameters.items() if p not in request.free]
+    return all(v.error < DECIDED * abs(v.value) for v in own)
+
+
+def _found_in(tried: _Tried) -> str:
+    """Return what a fit with a defect found, in words."""
+    delays = [(x.record, x.value, x.error) for x in tried.fit.local if x.name == "delay"]
+    several = len(delays) > 1
+    late = [
+        f"powers{f' of {record}' if several else ''} that act {short(abs(value), 3)} s +- {short(error)} s "
+        f"{'later' if value > 0 else 'earlier'} than logged"
+        for record, value, error in delays
+    ]
+    own = [f"{tried.change.name} ({tried.change.judge(tried.fit)[0]})"] if tried.change is not None else []
+    return ", with ".join([*own, " and ".join(late)] if late else own)
+
+
+# ---- the clock of what drives the model
+
+
+@dataclass(frozen=True, eq=False)
+class _Clock:
+    """Lays the clock of powers and commands over requests.
+
+    Parameters
+    ----------
+    make : callable     A request and where in their intervals powers changed -> the request whose fit finds the clock too.
+    sampled : bool      Whether these instants matter.
+    """
+
+    make: Callable[[Request, float], Request]
+    sampled: bool
+
+
+def _clock(fit: Calibration) -> _Clock | None:
+    """Return the clock of a fit's powers and commands; None where none of them changes or a clock is looked for already."""
+    driven = {e.record.name: [n for n, c in e.record.channels.items() if c.role in ("load", "command") and _moves(c)] for e in fit.experiments}
+    at_rest = {e.record.name: _at_rest(e, fit) for e in fit.experiments}
+    request = fit.request
+    assert request is not None
+    if any(r.second is not None for r in request.records) or not any(driven.get(r.name) or at_rest.get(r.name) for r in request.records):
+        return None
+
+    def make(request: Request, instant: float) -> Request:
+        scenarios, records = dict(request.scenarios), []
+        for r in request.records:
+            room = at_rest.get(r.name, "")
+            far = max(FAR_STEPS * r.step, FAR_PART * r.duration)
+            names = [n for n, c in r.channels.items() if c.role in ("load", "command")]
+            moving = driven.get(r.name) or names if room else driven.get(r.name, [])
+            made = _with_instants(r, names, instant, 1.25 * far if room else 0.0)
+            records.append(made.delayed((-far, far), moving) if moving and far < 0.5 * r.duration else r)
+            if room:
+                base = request.scenarios.get(r.name, request.scenarios.get("*")) or Scenario(r.name)
+                scenarios[r.name] = base.with_(start=room, initial={})
+        return replace(request, records=tuple(records), scenarios=scenarios)
+
+    sampled = any(0 < _changes(r.channels[n]).size <= MOST_CHANGES and not r.channels[n].prompt for r in request.records for n in driven.get(r.name, []))
+    return _Clock(make, sampled)
+
+
+def _moves(c: Channel) -> bool:
+    return bool(c.valid.any() and np.ptp(c.values[c.valid]) > 0.0)
+
+
+def _changes(c: Channel) -> Array:
+    """Return the places of the samples before which a held channel changed."""
+    return 1 + np.flatnonzero(np.diff(c.values)) if c.held and bool(c.valid.all()) else np.zeros(0, dtype=int)
+
+
+def _at_rest(e: Experiment, fit: Calibration) -> str:
+    """Return the logged boundary at whose temperature everything stands at the start of a record; empty where it does not."""
+    request = fit.request
+    assert request is not None
+    base = request.scenarios.get(e.record.name, request.scenarios.get("*"))
+    if base is not None and (base.start not in ("", MEASURED) or base.initial) or request.local or request.record_local or request.readings:
+        return ""
+    rooms = [c for c in e.record.channels.values() if c.role == "boundary" and c.valid.all()]
+    if not rooms or len(rooms) != len(e.network.boundaries):
+        return ""
+    first = [float(c.values[0]) for c in rooms]
+    near = all(
+        abs(float(o.measured[0]) - first[0]) <= REST * float(np.hypot(o.noise or 0.0, o.accuracy or 0.0)) for o in e.observations
+    )
+    return rooms[0].name if near and np.ptp(first) == 0.0 and e.observations else ""
+
+
+def _with_instants(record: Record, driven: list[str], instant: float, before: float) -> Record:
+    """Return a record whose sampled powers change at an instant within each interval, after a rest without power.
+
+    Parameters
+    ----------
+    driven : list       Powers and commands.
+    instant : float     Where in the interval between two samples. [-]
+    before : float      Length of the rest; zero for none. [s]
+    """
+    own = {n: _changes(record.channels[n]) for n in driven}
+    own = {n: places for n, places in own.items() if not record.channels[n].prompt and places.size <= MOST_CHANGES}
+    times = record.times
+    rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in own.values() for k in places})
+    begin = float(times[0])
+    rest = [begin - before, begin - min(1e-3, 1e-3 * before)] if before else []
+    every = np.union1d(times, [*rest, *rows])
+    last = np.clip(np.searchsorted(times, every, side="right") - 1, 0, None)
+    logged = np.isin(every, times)
+    channels = []
+    for n, c in record.channels.items():
+        values, valid = c.values[last].copy(), c.valid[last] & (logged | (n in driven))
+        if n in driven:
+            for k in own.get(n, ()):
+                moved = (every >= times[k - 1] + instant * (times[k] - times[k - 1])) & (every < times[k])
+                values[moved] = c.values[k]
+            values[every < begin] = 0.0
+        elif c.role == "boundary":
+            valid = valid | (every < begin)
+        channels.append(replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in own))
+    return replace(record, times=every, channels={c.name: c for c in channels})
+
+
+def summary(found: tuple[ExplainedFit, ...]) -> Iterator[str]:
+    """Yield what explains the residuals, one line for each defect, its weight with it where there are several."""
+    weights: dict[str, float] = {}
+    words: dict[str, str] = {}
+    for e in found:
+        weights[e.name] = weights.get(e.name, 0.0) + e.weight
+        words.setdefault(e.name, e.words)
+    for name, weight in sorted(weights.items(), key=lambda x: -x[1]):
+        yield f"{words[name]}{f', probability {100 * weight:.0f} %' if len(weights) > 1 else ''}"
