@@ -14,7 +14,7 @@ from thermid.explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Unknown
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import TableSignal

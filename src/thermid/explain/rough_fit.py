@@ -14,8 +14,7 @@ from thermid.errors import SolverError
 from thermid.fit.problem.experiment import Observation
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Prior, Unknown
+from thermid.fit.problem.residuals import Prior, Problem, Unknown
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table

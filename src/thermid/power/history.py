@@ -14,8 +14,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
-from thermid.fit.problem.residuals import Problem, SensorTrace
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Problem, SensorTrace, Unknown
 from thermid.fit.uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.linear_algebra import NOTHING, Array, Bools, quadratic_forms
 from thermid.linear_algebra import covariance as information_inverse
