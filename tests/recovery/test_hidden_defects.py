@@ -116,8 +116,9 @@ def row(defect: str, draws: int, seed: int = 500) -> Row:
         truth = truth_of(rng, defect)
         fit = td.calibrate(td.model_from_dict(deck()), log_of(truth, rng, defect), FREE)
         kelvin = td.simulate(truth, asked, times=TIMES)["board"].kelvin
-        at, told = int(kelvin.argmax()), predict(fit, asked, times=TIMES)["board"]
-        found.append((not fit.standing.fair, kelvin[at] - told.kelvin[at], told.half_width[at]))
+        at, whole = int(kelvin.argmax()), predict(fit, asked, times=TIMES)
+        told = whole["board"]
+        found.append((not whole.standing.fair, kelvin[at] - told.kelvin[at], told.half_width[at]))
     table = np.array(found)
     return Row(defect, table[:, 0].astype(bool), table[:, 1], table[:, 2])
 

@@ -9,7 +9,7 @@ those of Bayesian model averaging with the criterion of Schwarz (Hoeting and oth
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,10 +18,12 @@ import numpy as np
 from thermid.errors import ThermidError
 from thermid.explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.fit.calibrate import fit as refit
+from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import MEASURED, Experiment
+from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.linear_algebra import Array
+from thermid.linear_algebra import Indices
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
 from thermid.simulation.scenarios.scenario import Scenario
@@ -34,8 +36,8 @@ DECIDED = 0.5
 """Relative error of a defect's own values above which the readings do not show it: the fit without it stands for it. [-]"""
 LEAST = 0.02
 """Weight beside the best below which a defect is left out. [-]"""
-INSTANTS = (0.5, 1.0 / 6.0, 5.0 / 6.0)
-"""Where in the interval between two samples a power changed: the middles of thirds, the middle one first. [-]"""
+MIDDLE = 0.5
+"""Where in the interval between two samples a power is taken to have changed at first. [-]"""
 MOST_CHANGES = 20
 """Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
 FAR_STEPS, FAR_PART = 8.0, 0.05
@@ -65,12 +67,13 @@ class ExplainedFit:
 
 @dataclass(frozen=True)
 class _Tried:
-    """One refit: its defect, where in their intervals powers changed, its Schwarz criterion [-]."""
+    """One refit: its defect, where in their intervals powers changed, Schwarz's criterion, its part of what is likely before [-]."""
 
     change: MissingElement | None
     instant: float
     fit: Calibration
     criterion: float
+    share: float = 1.0
 
 
 @lru_cache(maxsize=16)
@@ -98,28 +101,33 @@ def asks(fit: Calibration) -> bool:
     problem, request = fit.problem, fit.request
     if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.model.runner is not None or problem.clocked:
         return False
-    small = len(problem.unknowns) <= MOST_UNKNOWNS and problem.samples <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
+    small = len(problem.unknowns) <= MOST_UNKNOWNS and fit.freedom <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
     small = small and len(problem.experiments[0].network.nodes) <= MOST_NODES
     stated = all(o.noise is not None for o in problem.observations())
-    return small and stated and fit.reduced_chi_square > NOISY and any(r.steps or True for r in request.records)
+    return small and stated and fit.reduced_chi_square > NOISY
 
 
 def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     seen = Fitted.of(fit, request)
     clock = _clock(fit)
-    found = [t for change in (None, *hidden_defects(seen)) if (t := _tried(seen.request, change, INSTANTS[0], clock)) is not None]
+    changes = [None, *hidden_defects(seen)]
+    found = [t for change in changes if (t := _tried(seen.request, change, MIDDLE, clock, _begun(seen.request, change))) is not None]
+    for change in changes[1:]:  # a search that begins elsewhere, where nothing explains the residuals yet
+        for start in change.starts if change is not None else ():
+            if min((t.fit.reduced_chi_square for t in found), default=np.inf) > NOISY:
+                found += [t for t in [_tried(seen.request, change, MIDDLE, clock, start)] if t is not None]
     if not found:
         return ()
     best = min(found, key=lambda t: t.criterion)
     level = max(1.0, best.fit.reduced_chi_square)
-    if best.fit.reduced_chi_square > NOISY or _criterion(fit, fit) - best.criterion < STRONG * level:
+    if best.fit.reduced_chi_square > NOISY or _criterion(fit) - best.criterion < STRONG * level:
         return ()
     near = [t for t in found if t.criterion - best.criterion < -2.0 * level * float(np.log(LEAST))]
     if clock is not None and clock.sampled:
-        near += [t for one in tuple(near) for f in INSTANTS[1:] if (t := _tried(seen.request, one.change, f, clock)) is not None]
+        near = [x for t in near for x in _over_instants(seen.request, t, clock, level)]
     lowest = min(t.criterion for t in near)
-    weights = np.exp([-0.5 * (t.criterion - lowest) / level for t in near])
-    kept = weights > LEAST
+    weights = np.array([t.share * np.exp(-0.5 * (t.criterion - lowest) / level) for t in near])
+    kept = weights > LEAST * weights.max()
     whole = float(weights[kept].sum())
     out = [
         ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w) / whole, t.fit)
@@ -129,25 +137,67 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     return tuple(sorted(out, key=lambda e: -e.weight))
 
 
-def _criterion(found: Calibration, base: Calibration) -> float:
+def _begun(request: Request, change: MissingElement | None) -> Mapping[str, float]:
+    """Return the values of a fit with a defect and the clock of the log, to begin from; empty where it cannot be fitted."""
+    if change is None:
+        return {}
+    try:
+        return {p: v.value for p, v in refit(replace(change.make(request), search="local")).values.parameters.items()}
+    except (ThermidError, np.linalg.LinAlgError):
+        return {}
+
+
+def _over_instants(request: Request, middle: _Tried, clock: _Clock, level: float) -> list[_Tried]:
+    """Return a defect's fits over the instants at which powers changed within their intervals, each with its part of the probability.
+
+    Chi-square is a parabola of the instant, to first order, and the instant evenly likely before: the distribution is normal within the
+    interval, and three points with weights stand for it (Gauss and Hermite). Where the readings do not decide it, thirds are as likely.
+    """
+    begin = {p: v.value for p, v in middle.fit.values.parameters.items()}
+
+    def at(instant: float, share: float) -> list[_Tried]:
+        tried = _tried(request, middle.change, instant, clock, begin)
+        return [] if tried is None else [replace(tried, share=share)]
+
+    sides = [x for f in (1.0 / 6.0, 5.0 / 6.0) for x in at(f, 1.0 / 3.0)]
+    if len(sides) < 2:
+        return [middle]
+    early, late = (x.criterion for x in sides)
+    curvature = (early - 2.0 * middle.criterion + late) / (1.0 / 3.0) ** 2
+    spread = float(np.sqrt(2.0 * level / curvature)) if curvature > 0.0 else np.inf
+    if spread > 0.2:
+        return [replace(middle, share=1.0 / 3.0), *sides]
+    best = float(np.clip(MIDDLE - 0.5 * (late - early) / (2.0 / 3.0) / (0.5 * curvature), 0.0, 1.0))
+    points = ((best, 2.0 / 3.0), *((float(np.clip(best + s * 3.0**0.5 * spread, 0.0, 1.0)), 1.0 / 6.0) for s in (-1.0, 1.0)))
+    out = [x for f, share in points for x in at(f, share)]
+    lowest = min((x.criterion for x in out), default=0.0)
+    return [replace(x, criterion=lowest) for x in out] or [middle]  # the likelihood of the instant is in the shares
+
+
+def _criterion(found: Calibration) -> float:
     """Return the criterion of Schwarz of a fit, but for what all fits of the same readings share. [-]"""
-    count = base.freedom + len(base.fitted)
+    count = found.freedom + len(found.fitted)
     return found.chi_square + len(found.fitted) * float(np.log(max(count, 2.0)))
 
 
-def _tried(request: Request, change: MissingElement | None, instant: float, clock: _Clock | None) -> _Tried | None:
-    """Return the refit with a defect and the clock; nothing where it cannot be fitted, or is not shown by the readings."""
+def _tried(
+    request: Request, change: MissingElement | None, instant: float, clock: _Clock | None, begin: Mapping[str, float]
+) -> _Tried | None:
+    """Return the refit with a defect and the clock from some values [SI]; nothing where it fails, or the readings do not show it."""
     if change is None and clock is None:
         return None
     made = request if change is None else change.make(request)
     if clock is not None:
         made = clock.make(made, instant)
     try:
-        found = refit(replace(made, search="local"))
+        made = replace(made, search="local")
+        problem = build_problem(made)
+        unknowns = tuple(replace(u, start=begin[u.name]) if u.name in begin else u for u in problem.unknowns)
+        found = fit_problem(made, replace(problem, unknowns=unknowns))
         shown = change is None or (change.judge(found)[1] and _decided(request, found))
     except (ThermidError, np.linalg.LinAlgError):
         return None
-    return _Tried(change, instant, found, _criterion(found, found)) if shown and found.converged else None
+    return _Tried(change, instant, found, _criterion(found)) if shown and found.converged else None
 
 
 def _decided(request: Request, found: Calibration) -> bool:
@@ -188,7 +238,9 @@ class _Clock:
 
 def _clock(fit: Calibration) -> _Clock | None:
     """Return the clock of a fit's powers and commands; None where none of them changes or a clock is looked for already."""
-    driven = {e.record.name: [n for n, c in e.record.channels.items() if c.role in ("load", "command") and _moves(c)] for e in fit.experiments}
+    driven = {
+        e.record.name: [n for n, c in e.record.channels.items() if c.role in ("load", "command") and _moves(c)] for e in fit.experiments
+    }
     at_rest = {e.record.name: _at_rest(e, fit) for e in fit.experiments}
     request = fit.request
     assert request is not None
@@ -209,7 +261,11 @@ def _clock(fit: Calibration) -> _Clock | None:
                 scenarios[r.name] = base.with_(start=room, initial={})
         return replace(request, records=tuple(records), scenarios=scenarios)
 
-    sampled = any(0 < _changes(r.channels[n]).size <= MOST_CHANGES and not r.channels[n].prompt for r in request.records for n in driven.get(r.name, []))
+    sampled = any(
+        0 < _changes(r.channels[n]).size <= MOST_CHANGES and not r.channels[n].prompt
+        for r in request.records
+        for n in driven.get(r.name, [])
+    )
     return _Clock(make, sampled)
 
 
@@ -217,9 +273,11 @@ def _moves(c: Channel) -> bool:
     return bool(c.valid.any() and np.ptp(c.values[c.valid]) > 0.0)
 
 
-def _changes(c: Channel) -> Array:
+def _changes(c: Channel) -> Indices:
     """Return the places of the samples before which a held channel changed."""
-    return 1 + np.flatnonzero(np.diff(c.values)) if c.held and bool(c.valid.all()) else np.zeros(0, dtype=int)
+    if not c.held or not c.valid.all():
+        return np.zeros(0, dtype=np.intp)
+    return np.asarray(1 + np.flatnonzero(np.diff(c.values)), dtype=np.intp)
 
 
 def _at_rest(e: Experiment, fit: Calibration) -> str:
@@ -227,15 +285,14 @@ def _at_rest(e: Experiment, fit: Calibration) -> str:
     request = fit.request
     assert request is not None
     base = request.scenarios.get(e.record.name, request.scenarios.get("*"))
-    if base is not None and (base.start not in ("", MEASURED) or base.initial) or request.local or request.record_local or request.readings:
+    given = base is not None and (base.start not in ("", MEASURED) or base.initial)
+    if given or request.local or request.record_local or request.readings:
         return ""
     rooms = [c for c in e.record.channels.values() if c.role == "boundary" and c.valid.all()]
     if not rooms or len(rooms) != len(e.network.boundaries):
         return ""
     first = [float(c.values[0]) for c in rooms]
-    near = all(
-        abs(float(o.measured[0]) - first[0]) <= REST * float(np.hypot(o.noise or 0.0, o.accuracy or 0.0)) for o in e.observations
-    )
+    near = all(abs(float(o.measured[0]) - first[0]) <= REST * float(np.hypot(o.noise or 0.0, o.accuracy or 0.0)) for o in e.observations)
     return rooms[0].name if near and np.ptp(first) == 0.0 and e.observations else ""
 
 
@@ -249,7 +306,7 @@ def _with_instants(record: Record, driven: list[str], instant: float, before: fl
     before : float      Length of the rest; zero for none. [s]
     """
     own = {n: _changes(record.channels[n]) for n in driven}
-    own = {n: places for n, places in own.items() if not record.channels[n].prompt and places.size <= MOST_CHANGES}
+    own = {n: places for n, places in own.items() if not record.channels[n].prompt and 0 < places.size <= MOST_CHANGES}
     times = record.times
     rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in own.values() for k in places})
     begin = float(times[0])
@@ -267,7 +324,7 @@ def _with_instants(record: Record, driven: list[str], instant: float, before: fl
             values[every < begin] = 0.0
         elif c.role == "boundary":
             valid = valid | (every < begin)
-        channels.append(replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in own))
+        channels.append(replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in own or (bool(rest) and n in driven)))
     return replace(record, times=every, channels={c.name: c for c in channels})
 
 

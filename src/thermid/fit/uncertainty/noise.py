@@ -178,8 +178,6 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
 
 CHANGES = 20
 """The largest changes of a sampled power whose instants are followed; what small ones do is small."""
-SHARP = 1e-2
-"""Part of the step of a log that two samples about a change may be apart for its instant to be known. [-]"""
 
 
 def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Array], Array]]:
@@ -198,14 +196,11 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
         if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
             continue
         for k in table.largest_changes(CHANGES):
-            own = min(width, 2.0 * float(table.times[k] - table.times[k - 1]))
-            if own < SHARP * width:
-                continue
 
-            def answer(times: Array, k: int = k, own: float = own, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
                 sides = []
                 for side in (-0.2, 0.2):
-                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * own)}}
+                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * width)}}
                     other = replace(experiment, scenario=experiment.scenario.with_(**changed))
                     sides.append(Bench.of(other, bench.free).temperatures(values, False, problem.options, times)[0])
                 return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
