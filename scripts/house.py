@@ -77,23 +77,24 @@ def statements(module: Module) -> int:
 
 
 def since(commit: str) -> dict[str, str]:
-    """What is measured -> how much, of the statements of today beside those of a commit."""
+    """What is measured -> how much, of the statements of the last commit beside those of an earlier one."""
 
     def git(*words: str) -> str:
         return subprocess.run(["git", "-C", str(ROOT), *words], check=True, capture_output=True, text=True).stdout
 
+    def lines(at: str) -> dict[str, list[int]]:
+        files = [n for n in git("ls-tree", "-r", "--name-only", at, package).splitlines() if n.endswith(".py")]
+        return {n.removeprefix(package): lines_of(ast.parse(git("show", f"{at}:{n}"))) for n in files}
+
     package = "src/thermid/"
-    files = [n for n in git("ls-tree", "-r", "--name-only", commit, package).splitlines() if n.endswith(".py")]
-    then = sum(len(lines_of(ast.parse(git("show", f"{commit}:{name}")))) for name in files)
-    every = stood = later = 0
-    beginnings = tuple(file for names in LATER.values() for file in names)
-    for path in sorted((ROOT / package).rglob("*.py")):
-        name, lines = path.relative_to(ROOT / package).as_posix(), lines_of(ast.parse(path.read_text(encoding="utf-8")))
-        every += len(lines)
-        later += len(lines) if name.startswith(beginnings) else 0
+    then, now = sum(map(len, lines(commit).values())), lines("HEAD")
+    every = sum(map(len, now.values()))
+    later = sum(len(numbers) for name, numbers in now.items() if name.startswith(tuple(f for files in LATER.values() for f in files)))
+    stood = 0
+    for name, numbers in now.items():
         # a line that is older than the commit is marked with ^
-        lives = git("blame", "-s", "-l", "-w", "-M", "-C", f"{commit}..", "--", package + name).splitlines() if lines else []
-        stood += sum(lives[k - 1].startswith("^") for k in lines)
+        lives = git("blame", "-s", "-l", "-w", "-M", "-C", f"{commit}..HEAD", "--", package + name).split("\n")
+        stood += sum(lives[k - 1].startswith("^") for k in numbers)
     return {
         f"statements at {commit}": str(then),
         "today": str(every),
