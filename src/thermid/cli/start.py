@@ -140,10 +140,11 @@ def improve(
     with working("searching for a structure", seconds):
         made = improved.improve(campaign, stage, seconds, data)
     content = {
-        "changes": [c.name for c in made.search.proposed.changes],
+        "changes": list(made.changes),
         "gain": made.search.likelihood(made.search.proposed),
-        "cannot_tell": [t.name for t in made.search.ties if t.nodes != made.search.proposed.nodes],
+        "cannot_tell": [t.name for t in made.last.ties if t.nodes != made.last.proposed.nodes],
         "sensors": made.rows(),
+        "delays": [d.to_dict() for d in made.delays],
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, str(made))

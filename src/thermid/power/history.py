@@ -666,17 +666,16 @@ class Colour:
         root = np.linalg.cholesky(covariance_of_means(pieces, traces, inputs))
         return cls(np.linalg.inv(root), 2.0 * float(np.log(np.diag(root)).sum()))
 
-    def rows(self, problem: Problem, x: Array) -> tuple[Array, Array]:
-        """Return derivatives and residuals of the data at some values, weighed so that their noise is white and of size 1."""
-        pieces = binned(problem, x, bins=FINE).values()
-        slopes, means = np.concatenate([b.slopes for b in pieces]), np.concatenate([b.mean for b in pieces])
+    def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
+        """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
+        slopes, means = np.concatenate([b.slopes for b in pieces.values()]), np.concatenate([b.mean for b in pieces.values()])
         return self.inverse @ slopes, self.inverse @ means
 
 
 def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:
     """Return derivatives and residuals of the data at some values."""
     if colour is not None:
-        return colour.rows(problem, x)
+        return colour.rows(binned(problem, x, bins=FINE))
     found = problem.compressed(x)
     return found.slopes, found.rows
 
@@ -731,7 +730,7 @@ def _colour(
         return Colour.of(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
 
     def likely(colour: Colour) -> float:
-        sides, force = _sides(problem, found.x, pins, *colour.rows(problem, found.x)), np.zeros(found.x.size)
+        sides, force = _sides(problem, found.x, pins, *colour.rows(pieces)), np.zeros(found.x.size)
         near = found.strength + np.arange(-6.0, 7.0, 1.5)
         return _likeliest(sides, force, knots, pins, base, found.prior, near)[0] - 0.5 * colour.logdet
 
