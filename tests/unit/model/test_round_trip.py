@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,7 @@ from thermid.model.tree.identity import to_dict
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.network.rows import CONTROLS, LOADS
+from unit.model.every_kind import firsts
 
 Decks = Callable[..., Model]
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -196,6 +198,20 @@ two = { use = "Box.toml", bind = { air = "air" } }
 [aliases]
 first = "one"
 """
+
+
+def inline(value: Any) -> str:
+    """A value of a deck as TOML on one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {inline(each)}" for key, each in value.items()) + " }"
+    return f"[{', '.join(map(inline, value))}]" if isinstance(value, list) else json.dumps(value)
+
+
+KEPT = {fields["kind"] for fields in tomllib.loads(SINK)["conductors"].values()}
+for kind, fields in firsts().items():
+    if kind not in KEPT:  # a kind that the text above does not use
+        lines = (f"{key} = {inline(value)}\n" for key, value in {**fields, "between": ["plate", "back"]}.items())
+        SINK += f"\n[conductors.{kind}]\n{''.join(lines)}"
 
 
 def numbers(model: Model) -> Any:
