@@ -288,6 +288,14 @@ def test_files_of_the_map_exist() -> None:
     named = [word for word in codes(prose(TEXT)) if word.partition("/")[0] in rooms and "/" in word]
     assert len(named) > 20
     assert [word for word in named if not (PACKAGE / word).is_dir() and not (PACKAGE / f"{word}.py").is_file()] == []
+    recipes = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
+    paths = [
+        word
+        for word in (*EXAMPLE["quick-check"].split(), *codes(prose(recipes)))
+        if word.startswith(("tests/", "src/", "docs/", "scripts/"))
+    ]
+    assert len(paths) > 12
+    assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
 WALK = """
