@@ -8,6 +8,10 @@ import sys
 from docs_hooks import decisions
 
 
+WITH = {"bench": "acquire", "profile_runs": "profiles", "reduction": "qualify", "results": "reporting"}
+"""Rooms whose decisions are listed under another one's name."""
+
+
 def about(*rooms: str) -> str:
     """Return the decisions about some rooms, all without a name, as Markdown by group of rooms.
 
@@ -17,10 +21,11 @@ def about(*rooms: str) -> str:
     """
     groups = {section.partition("\n")[0]: section for section in decisions().split("\n## ")[1:]}
     words = {title: [word.lower() for word in re.findall(r"\w+", title) if word not in ("and", "the")] for title in groups}
-    known = sorted(word for each in words.values() for word in each)
+    known = sorted([*WITH, *(word for each in words.values() for word in each)])
     if unknown := [room for room in rooms if room not in known]:
         raise SystemExit(f"no decisions are listed under '{unknown[0]}'. The names are: {', '.join(known)}.")
-    wanted = [section for title, section in groups.items() if not rooms or {*rooms} & {*words[title]}]
+    names = {WITH.get(room, room) for room in rooms}
+    wanted = [section for title, section in groups.items() if not rooms or names & {*words[title]}]
     return "\n\n".join(f"## {section.strip()}" for section in wanted)
 
 

@@ -161,13 +161,13 @@ DECISIONS = {
     "knowledge and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172",
     "prediction and power": "34 46 49 121 122 124 178 179 190 195 196 218",
     "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189",
-    "profiles, profile_runs, steadiness, reduction, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 167",
+    "profiles, steadiness, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 167",
     "site": "58 60 139 159",
-    "acquire and bench": "71 73 80 81 90 92 164",
+    "acquire": "71 73 80 81 90 92 164",
     "interop": "23 194 197 198 199 201 215",
     "estimation and watch": "180 181 182 183 184",
-    "start": "188 223 226",
-    "reporting, results, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221",
+    "start": "188 223 226 235",
+    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221",
 }
 """Rooms -> numbers of the decisions about them; the others are about the project as a whole."""
 
