@@ -7,7 +7,6 @@ import sys
 
 from docs_hooks import decisions
 
-
 WITH = {"bench": "acquire", "profile_runs": "profiles", "reduction": "qualify", "results": "reporting"}
 """Rooms whose decisions are listed under another one's name."""
 
