@@ -365,15 +365,21 @@ def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: 
     coefficients : sequence of str  Those of the row; each binds as strongly as a product.
     a, b : str                      Temperatures of the ends. [K]
     read : callable                 Table, and where it is read -> text.
+
+    Raises
+    ------
+    DeckError   When the law has no such text.
     """
     first, *rest = coefficients
+    if row.form in ("linear", "flow", "potential"):  # of a potential, what its integrals are multiplied by
+        return first
     if row.form == "power":
         return f"{first}*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
     if row.form == "radiation":
         return f"{first}*({a}^2 + {b}^2)*({a} + {b})"
     if row.form == "table" and row.curve is not None:
         return f"{first}*{read(row.curve, f'{a} - {b}' if row.curve.over == 'difference' else f'({a} + {b})/2')}"
-    return first
+    raise DeckError(f"'{row.name}' is of a form that is not written to this format: {row.form}. Export an FMU, which has every law.")
 
 
 def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:

@@ -14,6 +14,7 @@ import numpy as np
 from thermid import _kernel
 from thermid.errors import SolverError
 from thermid.linear_algebra import Array, Ints
+from thermid.network.rows import same_both_ways
 from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.large_steady import settle_large
 from thermid.simulation.solver.problem import (
@@ -193,6 +194,8 @@ def refusal(problem: KernelProblem) -> str:
             return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
         if (form == "hinge of difference" or (curve is not None and curve.over == "difference")) and a >= n:
             return f"'{name}' is a table over a difference that begins at a boundary"
+        if a >= n and curve is None and not same_both_ways(form):
+            return f"'{name}' depends on its direction ({form}) and begins at a boundary"
     heated = {load.control: load.node for load in s.loads}
     first = {load.places[0] for load in s.loads}
     for k, (control, sensor, places, name) in enumerate(s.controls):
