@@ -407,12 +407,16 @@ def one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def identifiers(paths: Iterable[str], longest: int = 50, caseless: bool = False) -> dict[str, str]:
+LONGEST = 50
+"""Letters of a path that a word keeps."""
+
+
+def identifiers(paths: Iterable[str], caseless: bool = False) -> dict[str, str]:
     """Return path -> a word of letters, digits and ``_`` that begins with a letter, no two alike; `caseless` without capitals."""
     out: dict[str, str] = {}
     taken: set[str] = set()
     for path in paths:
-        word = re.sub(r"\W", "_", path)[:longest]
+        word = re.sub(r"\W", "_", path)[:LONGEST]
         word = word if word[0].isalpha() else f"x{word}"
         name, k = word, 1
         while (name.lower() if caseless else name) in taken:
