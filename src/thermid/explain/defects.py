@@ -9,20 +9,20 @@ those of Bayesian model averaging with the criterion of Schwarz (Hoeting and oth
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from thermid.errors import ThermidError
+from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import Fitted, MissingElement, hidden_defects
-from thermid.fit.calibrate import fit as refit
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import MEASURED, Experiment
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Unknown
 from thermid.linear_algebra import Indices
 from thermid.measure import Channel, Record
 from thermid.measure.amounts import short
@@ -42,6 +42,10 @@ MOST_CHANGES = 20
 """Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
 FAR_STEPS, FAR_PART = 8.0, 0.05
 """How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
+REACH = 100.0
+"""Factor from where they begin within which the values of a defect are looked for. [-]"""
+PATIENCE = 60
+"""Evaluations after which a refit is given up."""
 REST = 4.0
 """Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
 MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
@@ -108,33 +112,50 @@ def asks(fit: Calibration) -> bool:
 
 
 def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
-    seen = Fitted.of(fit, request)
+    seen = Fitted.of(fit, request).request
     clock = _clock(fit)
-    changes = [None, *hidden_defects(seen)]
-    found = [t for change in changes if (t := _tried(seen.request, change, MIDDLE, clock, _begun(seen.request, change))) is not None]
+    changes = [None, *hidden_defects(Fitted.of(fit, request))]
+    found = [t for change in changes if (t := _tried(seen, change, MIDDLE, clock, _begun(seen, change))) is not None]
     for change in changes[1:]:  # a search that begins elsewhere, where nothing explains the residuals yet
         for start in change.starts if change is not None else ():
             if min((t.fit.reduced_chi_square for t in found), default=np.inf) > NOISY:
-                found += [t for t in [_tried(seen.request, change, MIDDLE, clock, start)] if t is not None]
-    if not found:
+                found += [t for t in [_tried(seen, change, MIDDLE, clock, start)] if t is not None]
+    if not found or _unproved(fit, min(found, key=_lowest)):
         return ()
-    best = min(found, key=lambda t: t.criterion)
-    level = max(1.0, best.fit.reduced_chi_square)
-    if best.fit.reduced_chi_square > NOISY or _criterion(fit) - best.criterion < STRONG * level:
-        return ()
-    near = [t for t in found if t.criterion - best.criterion < -2.0 * level * float(np.log(LEAST))]
     if clock is not None and clock.sampled:
-        near = [x for t in near for x in _over_instants(seen.request, t, clock, level)]
-    lowest = min(t.criterion for t in near)
-    weights = np.array([t.share * np.exp(-0.5 * (t.criterion - lowest) / level) for t in near])
-    kept = weights > LEAST * weights.max()
-    whole = float(weights[kept].sum())
+        at, _ = _instant(seen, min(found, key=_lowest), clock)
+        begun = {id(t.change): _values(t.fit) for t in found}
+        there = [t for c in changes if (t := _tried(seen, c, at, clock, begun.get(id(c), {}))) is not None]
+        found = [x for t in _near(there or found) for x in _over_instants(seen, t, clock)]
+    kept = _near(found)
+    lowest, level = min(t.criterion for t in kept), max(1.0, min(kept, key=_lowest).fit.reduced_chi_square)
+    weights = np.array([t.share * np.exp(-0.5 * (t.criterion - lowest) / level) for t in kept])
     out = [
-        ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w) / whole, t.fit)
-        for t, w, stays in zip(near, weights, kept, strict=True)
-        if stays
+        ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w), t.fit)
+        for t, w in zip(kept, weights / weights.sum(), strict=True)
     ]
     return tuple(sorted(out, key=lambda e: -e.weight))
+
+
+def _lowest(t: _Tried) -> float:
+    return t.criterion
+
+
+def _unproved(fit: Calibration, best: _Tried) -> bool:
+    """Whether the best of several defects leaves more than noise, or is not much better than the fit of the deck."""
+    level = best.fit.reduced_chi_square
+    return level > NOISY or _criterion(fit) - best.criterion < STRONG * max(1.0, level)
+
+
+def _near(found: Sequence[_Tried]) -> list[_Tried]:
+    """Return those that are not much less likely than the best."""
+    best = min(found, key=_lowest)
+    far = -2.0 * max(1.0, best.fit.reduced_chi_square) * float(np.log(LEAST))
+    return [t for t in found if t.criterion - best.criterion < far]
+
+
+def _values(fit: Calibration) -> dict[str, float]:
+    return {p: v.value for p, v in fit.values.parameters.items()}
 
 
 def _begun(request: Request, change: MissingElement | None) -> Mapping[str, float]:
@@ -142,36 +163,44 @@ def _begun(request: Request, change: MissingElement | None) -> Mapping[str, floa
     if change is None:
         return {}
     try:
-        return {p: v.value for p, v in refit(replace(change.make(request), search="local")).values.parameters.items()}
+        return _values(_refit(replace(change.make(request), search="local"), {}, request.free))
     except (ThermidError, np.linalg.LinAlgError):
         return {}
 
 
-def _over_instants(request: Request, middle: _Tried, clock: _Clock, level: float) -> list[_Tried]:
+def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, float]:
+    """Return where in their intervals powers changed, the likeliest place and its standard deviation. [-]
+
+    Chi-square is a parabola of the instant, to first order.
+    """
+    begin = _values(near.fit)
+    for step in (1.0 / 3.0, 1.0 / 6.0):
+        found = [_tried(request, near.change, f, clock, begin, False) for f in (MIDDLE - step, MIDDLE, MIDDLE + step)]
+        early, middle, late = (np.nan if t is None else t.fit.chi_square for t in found)
+        curvature = (early - 2.0 * middle + late) / step**2
+        if curvature > 0.0:
+            level = max(1.0, near.fit.reduced_chi_square)
+            return float(np.clip(MIDDLE - 0.5 * (late - early) / step / curvature, 0.0, 1.0)), float(np.sqrt(2.0 * level / curvature))
+    return MIDDLE, np.inf
+
+
+def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried]:
     """Return a defect's fits over the instants at which powers changed within their intervals, each with its part of the probability.
 
-    Chi-square is a parabola of the instant, to first order, and the instant evenly likely before: the distribution is normal within the
-    interval, and three points with weights stand for it (Gauss and Hermite). Where the readings do not decide it, thirds are as likely.
+    Before, the instant is evenly likely; so it is normal within the interval, and three points with weights stand for it (Gauss and
+    Hermite). Where the readings do not decide it, thirds are as likely.
     """
-    begin = {p: v.value for p, v in middle.fit.values.parameters.items()}
-
-    def at(instant: float, share: float) -> list[_Tried]:
-        tried = _tried(request, middle.change, instant, clock, begin)
-        return [] if tried is None else [replace(tried, share=share)]
-
-    sides = [x for f in (1.0 / 6.0, 5.0 / 6.0) for x in at(f, 1.0 / 3.0)]
-    if len(sides) < 2:
-        return [middle]
-    early, late = (x.criterion for x in sides)
-    curvature = (early - 2.0 * middle.criterion + late) / (1.0 / 3.0) ** 2
-    spread = float(np.sqrt(2.0 * level / curvature)) if curvature > 0.0 else np.inf
-    if spread > 0.2:
-        return [replace(middle, share=1.0 / 3.0), *sides]
-    best = float(np.clip(MIDDLE - 0.5 * (late - early) / (2.0 / 3.0) / (0.5 * curvature), 0.0, 1.0))
-    points = ((best, 2.0 / 3.0), *((float(np.clip(best + s * 3.0**0.5 * spread, 0.0, 1.0)), 1.0 / 6.0) for s in (-1.0, 1.0)))
-    out = [x for f, share in points for x in at(f, share)]
-    lowest = min((x.criterion for x in out), default=0.0)
-    return [replace(x, criterion=lowest) for x in out] or [middle]  # the likelihood of the instant is in the shares
+    best, spread = _instant(request, near, clock)
+    third = spread > 0.2
+    points: tuple[tuple[float, float], ...] = ((1.0 / 6.0, 1.0 / 3.0), (0.5, 1.0 / 3.0), (5.0 / 6.0, 1.0 / 3.0))
+    if not third:
+        points = ((best, 2.0 / 3.0), *((float(np.clip(best + s * 3.0**0.5 * spread, 0.0, 1.0)), 1.0 / 6.0) for s in (-1.0, 1.0)))
+    found = [(share, _tried(request, near.change, f, clock, _values(near.fit), False)) for f, share in points]
+    out = [replace(t, share=share) for share, t in found if t is not None]
+    if len(out) < len(points):
+        return [near, *(replace(t, share=1.0) for t in out)]
+    lowest = min(t.criterion for t in out)
+    return out if third else [replace(t, criterion=lowest) for t in out]  # the likelihood of the instant is in the shares
 
 
 def _criterion(found: Calibration) -> float:
@@ -181,23 +210,45 @@ def _criterion(found: Calibration) -> float:
 
 
 def _tried(
-    request: Request, change: MissingElement | None, instant: float, clock: _Clock | None, begin: Mapping[str, float]
+    request: Request,
+    change: MissingElement | None,
+    instant: float,
+    clock: _Clock | None,
+    begin: Mapping[str, float],
+    asked: bool = True,
 ) -> _Tried | None:
-    """Return the refit with a defect and the clock from some values [SI]; nothing where it fails, or the readings do not show it."""
+    """Return the refit with a defect and the clock from some values [SI]; nothing where it fails or, if asked, is not shown."""
     if change is None and clock is None:
         return None
     made = request if change is None else change.make(request)
     if clock is not None:
         made = clock.make(made, instant)
     try:
-        made = replace(made, search="local")
-        problem = build_problem(made)
-        unknowns = tuple(replace(u, start=begin[u.name]) if u.name in begin else u for u in problem.unknowns)
-        found = fit_problem(made, replace(problem, unknowns=unknowns))
-        shown = change is None or (change.judge(found)[1] and _decided(request, found))
+        found = _refit(replace(made, search="local"), begin, request.free)
+        shown = change is None or not asked or (change.judge(found)[1] and found.own.fair and _decided(request, found))
     except (ThermidError, np.linalg.LinAlgError):
         return None
     return _Tried(change, instant, found, _criterion(found)) if shown and found.converged else None
+
+
+def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -> Calibration:
+    """Return the fit of a request from some values [SI], those that are not of the deck (`known`) within `REACH` of where they begin.
+
+    It is given up where it takes long: nothing there is to be found.
+    """
+    problem = build_problem(request)
+
+    def begun(u: Unknown) -> Unknown:
+        if u.kind == "parameter" and u.name not in known and u.start > 0.0:
+            u = replace(u, low=u.start / REACH, high=u.start * REACH)
+        inside = u.name in begin and u.low <= begin[u.name] <= u.high
+        return replace(u, start=begin[u.name]) if inside else u
+
+    def watch(count: int, rms: float) -> None:
+        if count > PATIENCE:
+            raise IdentificationError(f"{count} evaluations did not end a refit.", request.name)
+
+    return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns)), watch)
 
 
 def _decided(request: Request, found: Calibration) -> bool:
