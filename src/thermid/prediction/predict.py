@@ -51,6 +51,9 @@ SHAPE = 4096
 """Draws of a straight model that give the quantiles of its laws."""
 DEFECTS = "hidden defects"
 """Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
+FORM, FORM_SHARE = "form of the defect", 0.1
+"""Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over
+a run (RMS) is not known, as a standard deviation: the prior that deviations between kinds of run have. [-]"""
 Given = Mapping[str, Any] | Spread
 
 
@@ -345,9 +348,10 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[P
     fit : Calibration       The fit of the deck.
     """
     weights = np.array([e.weight for e in others])
-    bands = {n: _mixture(n, [t.bands[n] for t in told], weights) for n in plain.bands}
-    settled = {n: _mixed([t.settled[n] for t in told], weights) for n in plain.settled if all(n in t.settled for t in told)}
+    bands = {n: _mixture(b, [t.bands[n] for t in told], weights) for n, b in plain.bands.items()}
+    settled = {n: _mixed(e, [t.settled[n] for t in told], weights) for n, e in plain.settled.items() if all(n in t.settled for t in told)}
     causes = {c: w for t in reversed(told) for c, w in t.causes.items()}
+    causes |= {FORM: "the defect may have another form; a tenth of what it changes in the prediction is not known"}
     causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(told) > 1 else {}
     words = (
         f"the deck leaves residuals of {short(float(np.sqrt(fit.reduced_chi_square)))} times the stated noise, and these are explained "
@@ -360,8 +364,8 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[P
     return replace(out, standing=standing, explanation=words, left_out=told[0].left_out, least=told[0].least)
 
 
-def _mixture(path: str, bands: Sequence[Band], weights: Array) -> Band:
-    """Return the band whose mean and variance are those of a mixture of bands."""
+def _mixture(plain: Band, bands: Sequence[Band], weights: Array) -> Band:
+    """Return the band whose mean and variance are those of a mixture of bands; `plain` is that of the deck."""
     kelvin = np.array([b.kelvin for b in bands])
     mean = weights @ kelvin
     parts: dict[str, Array] = {}
@@ -373,21 +377,18 @@ def _mixture(path: str, bands: Sequence[Band], weights: Array) -> Band:
             parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v * grown
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
-    return Band(
-        path,
-        bands[0].times,
-        weights @ np.array([b.simulated for b in bands]),
-        mean - weights @ np.array([b.simulated for b in bands]),
-        parts,
-    )
+    parts[FORM] = np.full(plain.times.size, float(np.mean((FORM_SHARE * (mean - plain.kelvin)) ** 2)))
+    simulated = weights @ np.array([b.simulated for b in bands])
+    return Band(plain.path, plain.times, simulated, mean - simulated, parts)
 
 
-def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
+def _mixed(plain: Estimate, several: Sequence[Estimate], weights: Array) -> Estimate:
     """Return the mean and the error of a mixture of temperatures."""
     celsius = float(weights @ [e.celsius for e in several])
     each = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
     if len(several) > 1:
         each[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
+    each[FORM] = (FORM_SHARE * (celsius - plain.celsius)) ** 2
     error = float(np.sqrt(sum(each.values())))
     wide = NormalDist().inv_cdf(0.975) * error
     return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(each))
