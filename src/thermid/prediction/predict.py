@@ -51,9 +51,9 @@ SHAPE = 4096
 """Draws of a straight model that give the quantiles of its laws."""
 DEFECTS = "hidden defects"
 """Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
-FORM, FORM_SHARE = "form of the defect", 0.1
-"""Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over
-a run (RMS) is not known, as a standard deviation: the prior that deviations between kinds of run have. [-]"""
+FORM, FORM_SHARE = "form of the defect", 0.05
+"""Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over a run (RMS) is not known, as
+a standard deviation. A choice, half of the prior that deviations between kinds of run have. [-]"""
 Given = Mapping[str, Any] | Spread
 
 
@@ -351,7 +351,7 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[P
     bands = {n: _mixture(b, [t.bands[n] for t in told], weights) for n, b in plain.bands.items()}
     settled = {n: _mixed(e, [t.settled[n] for t in told], weights) for n, e in plain.settled.items() if all(n in t.settled for t in told)}
     causes = {c: w for t in reversed(told) for c, w in t.causes.items()}
-    causes |= {FORM: "the defect may have another form; a tenth of what it changes in the prediction is not known"}
+    causes |= {FORM: "the defect may have another form; a twentieth of what it changes over the run is not known"}
     causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(told) > 1 else {}
     words = (
         f"the deck leaves residuals of {short(float(np.sqrt(fit.reduced_chi_square)))} times the stated noise, and these are explained "
