@@ -1,12 +1,11 @@
 """A log that grows, read in pieces, and a record of it whose size does not grow with it.
 
-Readings of the last `RECENT` seconds stay as they are. Older ones are averaged over stretches that widen in proportion to the time since the
-beginning, a five-hundredth of it, so that rows grow with the logarithm of the time only. Where a power or command changes nothing is averaged.
+Readings of the last `RECENT` seconds stay as they are. Older ones are averaged over stretches of a five-hundredth of the time since the
+beginning, so that rows grow with the logarithm of the time only. Where a power or command changes nothing is averaged.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError
+from thermid.files import COPY, scratch, write_bytes
 from thermid.linear_algebra import Bools
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
@@ -28,6 +28,8 @@ FINE: Final = 500.0
 """Rows in which the time since the beginning grows by e."""
 CHUNK: Final = 1 << 18
 """Bytes that are read at once."""
+ENOUGH: Final = 20
+"""Lines that a log is read from, or its refusal is said."""
 HEADS: Final = 200
 """Lines at the beginning within which header and first samples stand."""
 
@@ -100,7 +102,8 @@ class GrowingLog:
 
         Raises
         ------
-        RecordError, NameNotFoundError   When columns that were asked for are none of the log's.
+        NameNotFoundError   When columns that were asked for are none of the log's.
+        RecordError         When more than `ENOUGH` lines cannot be read.
         """
         try:
             size = self.path.stat().st_size
@@ -155,12 +158,12 @@ class GrowingLog:
 
     def _parsed(self, text: bytes) -> Record | None:
         """Return the record of a piece; None where it is too short for one."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / self.path.name
-            path.write_bytes(text)
+        with scratch() as folder:
             try:
-                return self._read(path)
+                return self._read(write_bytes(folder / self.path.name, text, COPY))
             except NameNotFoundError:
                 raise
             except RecordError:
+                if not self._head and text.count(b"\n") > ENOUGH:
+                    raise
                 return None

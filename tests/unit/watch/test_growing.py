@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.errors import NameNotFoundError
+from thermid.errors import NameNotFoundError, RecordError
 from thermid.measure import Channel, Record
 from thermid.measure.readers.log_reader import read_record
 from thermid.watch import growing
@@ -55,11 +55,13 @@ def test_a_line_that_is_being_written_waits(tmp_path: Path) -> None:
     log = GrowingLog(path, read)
     path.write_text("time,T [degC],P [W]\n" + rows(0, 50) + "50,2")
     kept = log.record()
-    assert kept is not None and kept.times[-1] == 49.0
+    assert kept is not None
+    assert kept.times[-1] == 49.0
     with path.open("a") as file:
         file.write("7.5,4.0\n")
     kept = log.record()
-    assert kept is not None and kept["T"].values[-1] == pytest.approx(ICE + 27.5)
+    assert kept is not None
+    assert kept["T"].values[-1] == pytest.approx(ICE + 27.5)
 
 
 def test_a_log_written_anew_begins_anew(tmp_path: Path) -> None:
@@ -69,7 +71,8 @@ def test_a_log_written_anew_begins_anew(tmp_path: Path) -> None:
     log.record()
     path.write_text("time,T [degC],P [W]\n" + rows(0, 40))
     kept = log.record()
-    assert kept is not None and kept.times.size == 40
+    assert kept is not None
+    assert kept.times.size == 40
 
 
 def test_a_packed_log_is_read_whole(tmp_path: Path) -> None:
@@ -78,7 +81,8 @@ def test_a_packed_log_is_read_whole(tmp_path: Path) -> None:
     log = GrowingLog(path, read)
     kept = log.record()
     assert log.whole
-    assert kept is not None and kept.times.size == 90
+    assert kept is not None
+    assert kept.times.size == 90
 
 
 def test_a_wrong_column_is_refused(tmp_path: Path) -> None:
@@ -86,6 +90,16 @@ def test_a_wrong_column_is_refused(tmp_path: Path) -> None:
     path.write_text("time,U [degC],P [W]\n" + rows(0, 90))
     with pytest.raises(NameNotFoundError):
         GrowingLog(path, read).record()
+
+
+def test_lines_that_are_no_log_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bench.csv"
+    log = GrowingLog(path, read)
+    path.write_text("time,T [degC],P [W]\n" + "1,2\n" * 5)
+    assert log.record() is None
+    path.write_text("time,T [degC],P [W]\n" + "1,2\n" * 50)
+    with pytest.raises(RecordError):
+        log.record()
 
 
 class TestThinned:
