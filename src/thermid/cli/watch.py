@@ -79,19 +79,19 @@ def watch(
         if replay or once:
             look = _looks(_replayed(read(path).trim(with_unit(since, "s"), "end"), step, once), made, as_json)
         else:
-            look = _looks(_growing(GrowingLog(path, read), step, since, line), made, as_json, until_stop=True)
+            look = _looks(_growing(GrowingLog(path, read), step, since, line), made, as_json)
     raise SystemExit(4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
 
 
-def _looks(records: Iterator[Record], made: _Made, as_json: bool, until_stop: bool = False) -> WatchLook | None:
-    """Look at every record and say what is seen; return the last look."""
+def _looks(records: Iterator[Record], made: _Made, as_json: bool) -> WatchLook | None:
+    """Look at every record up to a stop and say what is seen; return the last look."""
     watcher: Watcher | None = None
     look: WatchLook | None = None
     for record in records:
         watcher = watcher or made.watcher(record)
         look = watcher.look(record)
         typer.echo(json.dumps(clean({"schema": 1, **look.as_object()})) if as_json else str(look))
-        if look.advice.word == "stop" and until_stop:
+        if look.advice.word == "stop":
             break
     return look
 

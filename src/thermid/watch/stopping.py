@@ -3,7 +3,7 @@
 A decision is taken only when the time watched has grown by a seventh since the last one; each of the first `DECISIONS` takes the same part
 of the risk, and later ones none: they forecast, and stop nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union
 bound for any dependence between looks). Channels share each part alike. Within a decision the forecast is that of the model fitted to the
-readings (`Settling`), or without a model that of `thermid.steadiness`.
+readings (`LiveFit`), or without a model that of `thermid.steadiness`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.steadiness.forecast import FEWEST, Forecast, forecast
-from thermid.watch.settling import ModelForecast, Settling
+from thermid.watch.live_fit import LiveFit, ModelForecast
 
 RISK: Final = 0.01
 """Probability of one wrong stop in a whole test, at most."""
@@ -102,7 +102,7 @@ class Stopping:
         **more: Any,
     ) -> None:
         self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
-        self.settling = None if model is None else Settling(model, scenario)
+        self.settling = None if model is None else LiveFit(model, scenario)
         self.count, self._watched = 0, 0.0
         self.last: StopAdvice | None = None
 

@@ -30,7 +30,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Traces
 from thermid.watch.growing import thinned
-from thermid.watch.settling import unknowns_of
+from thermid.watch.live_fit import STORED, TRUST, unknowns_of
 from thermid.watch.stopping import StopAdvice, Stopping
 from thermid.watch.suspects import UNSAID, SuspectValue, suspects_of
 
@@ -136,6 +136,9 @@ CLEARER: Final = 2.0
 """By how much the named one must exceed that of every other kind; closer ones are named together."""
 CHANGE: Final = 1.0
 """By which a suspected value is changed either way for its signature, of its logarithm."""
+FITTED: Final = (
+    f"the deck's structure; its conductances, coefficients and powers within {100 * TRUST:g} %, its capacitances within {100 * STORED:g} %"
+)
 STRANGE: Final = 4.0
 """Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
 CONFIRMED: Final = 90.0
@@ -196,7 +199,8 @@ class WatchLook:
         for f in self.advice.ends.values():
             end = "declined" if f.declined else f"ends at {f.final}"
             left = "" if f.holds is None else f"; rule '{f.rule.name}' in {duration_text(max(f.holds - self.at, 0.0))}"
-            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}")
+            made = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
+            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}{made}")
         for n in self.nodes:
             if not n.measured:
                 lines.append(f"  {n.name} (not measured) {n.value - ICE_POINT:.2f} +- {short(n.half)} degC")
@@ -296,7 +300,8 @@ class Watcher:
             return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
         silent = [n for n in self.channels if record.channel(n).noise is None]
         noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K is assumed, because none is stated"] if silent else []
-        return (f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
+        fitted = () if self.stopping.settling is None else (FITTED,)
+        return (f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *fitted, *noise)
 
     def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
@@ -369,7 +374,7 @@ class Watcher:
 
 
 @dataclass(frozen=True, eq=False)
-class _Values:
+class _FilterValues:
     """Values at which a filter runs: names that are free with their numbers, the sensors' constant errors [K], noises."""
 
     names: tuple[str, ...]
@@ -395,7 +400,7 @@ class _Window:
 
     dynamics: Dynamics
     suspects: tuple[SuspectValue, ...]
-    values: _Values
+    values: _FilterValues
     passing: Passing
     beliefs: tuple[Belief, ...]
     errors: Array
@@ -420,7 +425,7 @@ class _Window:
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
         dynamics = Dynamics(bench, noises, {})
         sigma = np.array([o.sigma({o.sensor: UNSAID}) for o in experiment.observations])
-        values_of = _Values(names, x, bias, sigma, driven)
+        values_of = _FilterValues(names, x, bias, sigma, driven)
         passing = Passing(dynamics, [values_of.at(dynamics)])
         kept = passing.run(keep=True, begin=None if start is None else (0, start))
         i = kept.innovations

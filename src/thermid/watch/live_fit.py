@@ -61,7 +61,8 @@ class ModelForecast:
     Parameters
     ----------
     channel : str               Name.
-    now, latest : float         Time of the last reading [s], and where the channel stands then. [K]
+    start, now : float          Begin and end of the readings. [s]
+    latest : float              Where the channel stands at their end. [K]
     final : IntervalEstimate    Where it ends.
     declined : str              Why that is not forecast; empty where it is.
     within, level : float       Half of the interval asked for [K], and its probability. [-]
@@ -70,6 +71,7 @@ class ModelForecast:
     """
 
     channel: str
+    start: float
     now: float
     latest: float
     final: IntervalEstimate
@@ -80,24 +82,27 @@ class ModelForecast:
     holds: float | None
 
     def as_object(self) -> dict[str, Any]:
-        """Return it as JSON holds it."""
+        """Return it as JSON holds it, with the keys of a `Forecast`; what a fit does not say is null."""
         final = self.final
         return {
             "channel": self.channel,
+            "from": self.start,
             "now": self.now,
             "latest_C": self.latest - ICE_POINT,
             "final_C": None if self.declined else final.value - ICE_POINT,
             "interval_C": [final.low - ICE_POINT, final.high - ICE_POINT],
             "level": self.level,
             "declined": self.declined or None,
+            "slow": None,
             "rule": self.rule.name,
             "holds": self.holds,
+            "holds_late": None,
             "saved": None if self.holds is None else max(self.holds - self.now, 0.0),
             "by_model": True,
         }
 
 
-class Settling:
+class LiveFit:
     """A model fitted again and again to the readings of one test.
 
     Parameters
@@ -138,17 +143,18 @@ class Settling:
         made = self._last[2] if self._last is not None else None
         if made is None or any(np.count_nonzero(record.channel(n).valid) < FEWEST for n in channels):
             return {}
-        return {n: _forecast(n, now, end, rule, within, level) for n, end in made.ends(rule, level).items() if n in channels}
+        return {n: _forecast(n, record, end, rule, within, level) for n, end in made.ends(rule, level).items() if n in channels}
 
 
-def _forecast(name: str, now: float, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:
+def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:
     final, why = end.final, ""
     if final.error > within:
         why = (
             f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), "
             f"wider than the +- {within:.3g} K requested: the readings do not determine the model's values well enough yet. Wait longer."
         )
-    return ModelForecast(name, now, end.latest, final, why, within, level, rule, end.holds)
+    start, now = float(record.times[0]), float(record.times[-1])
+    return ModelForecast(name, start, now, end.latest, final, why, within, level, rule, end.holds)
 
 
 class _Fit:
