@@ -166,7 +166,7 @@ DECISIONS = {
     "acquire": "71 73 80 81 90 92 164",
     "interop": "23 194 197 198 199 201 215",
     "estimation and watch": "180 181 182 183 184 233 234",
-    "start": "188 223 226",
+    "start": "188 223 226 235",
     "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221",
 }
 """Rooms -> numbers of the decisions about them; the others are about the project as a whole."""

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, SolverError, ThermidWarning, refuse_unknown, spoken
 from thermid.extensions import optional
 from thermid.fit.minimisation import Fit, ended, minimise
-from thermid.fit.problem.residuals import Problem, loss_of
-from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.problem.residuals import Problem, Unknown, loss_of, starting_point
 from thermid.fit.uncertainty.noise import autocorrelation
 from thermid.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.simulation.ensemble import run_members
