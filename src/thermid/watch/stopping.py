@@ -132,7 +132,7 @@ class Stopping:
         return self.last
 
     def _ends(self, record: Record, names: tuple[str, ...], level: float) -> tuple[dict[str, AnyForecast], str]:
-        """Return where channels end, and why one does not say so."""
+        """Return where channels end, and why not where one has no forecast."""
         ends: dict[str, AnyForecast] = {}
         why = ""
         if self.settling is not None:
