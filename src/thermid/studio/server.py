@@ -58,7 +58,7 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
     except ImportError:
         raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
     work, lock, bench = Work(project), threading.Lock(), threading.Lock()
-    follower = Follower(project.path.parent, log)
+    follower = Follower(project.path.parent, log, project.deck)
 
     def reads(make: Callable[[Mapping[str, str]], Any]) -> Callable[[Request], Response]:
         """Return an endpoint that answers with JSON, errors of ours in words."""

@@ -136,7 +136,9 @@ CLEARER: Final = 2.0
 """By how much the named one must exceed that of every other kind; closer ones are named together."""
 CHANGE: Final = 1.0
 """By which a suspected value is changed either way for its signature, of its logarithm."""
-FITTED: Final = f"the structure of the deck; conductances, coefficients and powers within {100 * TRUST:g} % of it, capacitances within {100 * STORED:g} %"
+FITTED: Final = (
+    f"the structure of the deck; its conductances, coefficients and powers to {100 * TRUST:g} %, its capacitances to {100 * STORED:g} %"
+)
 """What a fit to the readings takes as given."""
 STRANGE: Final = 4.0
 """Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
