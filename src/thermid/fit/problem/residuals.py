@@ -176,6 +176,10 @@ class SensorStatistics:
         """Whether the residuals are worth fewer independent samples than there are."""
         return wanders(self.effective_samples, self.samples)
 
+    def to_dict(self) -> dict[str, float]:
+        """Return it as JSON holds it."""
+        return {"rmse_K": self.rmse, "bias_K": self.bias, "mean_K": self.mean, "max_K": abs(self.largest), "n": self.samples}
+
 
 @dataclass(frozen=True)
 class Sums:
