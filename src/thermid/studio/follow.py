@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from thermid.measure.readers.textfile import UNFINISHED
 from thermid.measure.record.channel import Channel
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
-from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import forecast
 from thermid.steadiness.stabilisation import Stability
@@ -59,12 +58,12 @@ class Follower:
     ----------
     folder : Path       Of the deck or campaign; only files of its project are opened from the page.
     log : Path or None  A file that was named on the command line, wherever it lies.
-    deck : callable     Returns the model of the project; None where it has no single one.
+    live : LiveWatch    What watches the log that is looked at; without one by its readings alone.
     """
 
-    def __init__(self, folder: Path, log: Path | None = None, deck: Callable[[], Model | None] = lambda: None) -> None:
+    def __init__(self, folder: Path, log: Path | None = None, live: LiveWatch | None = None) -> None:
         self.folder, self.log = folder, log
-        self._live = LiveWatch(deck)
+        self._live = live or LiveWatch(lambda: None)
         self._kept: _Kept | None = None
 
     def offered(self) -> dict[str, Any]:

@@ -62,8 +62,8 @@ def test_the_bench_view_has_it(tmp_path: Path) -> None:
         f"{t:.0f},{a:.3f},{b:.3f}" for t, a, b in zip(made.times, made["chip"].values - 273.15, made["case"].values - 273.15, strict=True)
     ]
     (tmp_path / "run.csv").write_text("\n".join(["time_s,chip [degC],case [degC]", *rows]) + "\n")
-    told = Follower(tmp_path, None, rig).look({"file": "run.csv", "boundaries": "air=22"})
+    told = Follower(tmp_path, None, LiveWatch(rig)).look({"file": "run.csv", "boundaries": "air=22"})
     assert told["watch"]["advice"] == "stop"
     assert np.isfinite(told["watch"]["ends"]["chip"]["final_C"])
     with pytest.raises(RecordError):
-        Follower(tmp_path, None, rig).look({"file": "run.csv", "since": "soon"})
+        Follower(tmp_path, None, LiveWatch(rig)).look({"file": "run.csv", "since": "soon"})
