@@ -11,8 +11,7 @@ import numpy as np
 from thermid.errors import ScenarioError, SolverError
 from thermid.fit.minimisation import Fit
 from thermid.fit.problem.request import Request, form, known_before
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem, Unknown
 from thermid.fit.uncertainty.information import Opened, covering, opened_at
 from thermid.fit.uncertainty.noise import Weighed, binned, weighed
 from thermid.knowledge.store import State
