@@ -170,6 +170,23 @@ void Integrator::improve() {
     add(S1_.data(), SHED[1], G_.data(), static_cast<int>(n_ * np));
 }
 
+// What Newton leaves in the stages, some nanokelvins, is heat that came from nowhere: the end of the step takes it up, as one more iteration of
+// Newton for all stages together, and heats follow. Where the Jacobian is constant nothing is left.
+void Integrator::close_balance() {
+    std::fill(delta_.begin(), delta_.end(), 0.0);
+    const Conductors& c = p_.con;
+    for (int r = 0; r < c.size(); ++r) {
+        delta_[c.b[r]] += acc_con_[r];
+        if (!is(c.kind[r], ONE_WAY)) delta_[c.a[r]] -= acc_con_[r];
+    }
+    for (int r = 0; r < p_.load.size(); ++r) delta_[p_.load.node[r]] += acc_load_[r];
+    std::fill(delta_.begin() + n_, delta_.end(), 0.0);  // boundaries stay where they are
+    for (int i = 0; i < n_; ++i) delta_[i] = h_ * delta_[i] - cap_[i] * (T1_[i] - T_[i]);
+    lu_.solve(delta_.data());
+    for (int i = 0; i < n_; ++i) T1_[i] += delta_[i];
+    e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
+}
+
 // The jumps of projected inputs show in the estimate, although improve() takes most of what they do away: no finer than those inputs are
 // followed, and finer where sensitivities are wanted, whose errors are up to twice as large. Least squares only take directions from them.
 double Integrator::tolerance() const {

@@ -150,6 +150,7 @@ class Integrator {
     double sensitivity_error();
     void filter_sensitivity(const double* e, double* G);
     void improve();
+    void close_balance();
     double tolerance() const;
 
     // slaved.cpp
