@@ -48,6 +48,7 @@ RUN_AWAY: Final[int]
 SINGULAR_NODE: Final[int]
 BAD_INPUT: Final[int]
 CHATTER: Final[int]
+TOO_HOT: Final[int]
 
 # The tables of laws: form -> (kind, coefficients, tables, linear in temperatures, one way)
 CONDUCTOR_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]

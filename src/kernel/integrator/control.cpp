@@ -70,7 +70,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
         return false;
     }
     if (leftover_) improve();
-    if (o_.energy && !constant_ && holds_.empty()) close_balance();
+    if (closes_) close_balance();
     check_state();
     dense(inside_);
     if (watch) {

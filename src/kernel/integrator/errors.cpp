@@ -157,7 +157,7 @@ void Integrator::improve() {
         T1_[i] -= SHED[0] * (e1[i] - e2[i]) + SHED[1] * (e2[i] - e3[i]);
         delta_[i] = SHED[0] * e2[i] + SHED[1] * e3[i];
     }
-    if (o_.energy) e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
+    if (o_.energy || closes_) e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
     if (np_ == 0) return;
     const double *from[2] = {e1, e2}, *to[2] = {e2, e3};
     for (int k = 0; k < 2; ++k) {  // G_ holds the derivatives of e1, then of e2
