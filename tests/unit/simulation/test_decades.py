@@ -79,10 +79,9 @@ def alone(power: float, radiates: bool) -> td.Model:
     }
     if radiates:
         conductors["r"] = {"kind": "radiation", "between": ["m", "a"], "area": "1e-6 [m^2]", "exchange_factor": 1}
+    nodes = {"a": {"capacitance": "1e9 [J/K]"}, "m": {}}
     loads = {"q": {"into": "m", "power": f"{power!r} [W]"}}
-    return td.model_from_dict(
-        {"title": "alone", "needs": ["room"], "nodes": {"a": {"capacitance": "1e9 [J/K]"}, "m": {}}, "conductors": conductors, "loads": loads}
-    )
+    return td.model_from_dict({"title": "alone", "needs": ["room"], "nodes": nodes, "conductors": conductors, "loads": loads})
 
 
 @pytest.mark.parametrize("power", [2.0, 90.0, 1000.0])
