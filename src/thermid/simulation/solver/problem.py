@@ -284,9 +284,7 @@ def runs_away(when: str, follows: bool) -> str:
 
 def unsolved(when: str, follows: bool) -> str:
     """Return what to look at where a step could not be solved; `follows` as in `runs_away`."""
-    look = (
-        "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
-    )
+    look = "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
     return f"a step could not be solved {when}. Look for a {look}."
 
 
