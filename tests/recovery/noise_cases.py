@@ -193,7 +193,8 @@ def by_next_test(kind: Kind, rng: np.random.Generator) -> Claims:
     first = bench.record(kind, rng)
     fit = td.calibrate(MODEL, first, FREE)
     again = fit.experiments[0].scenario
-    promised = {p: next(o for o in td.design.next_test(fit, p, scenario=again, every=STEP).options if o.name == SAME) for p in FREE}
+    planned = [td.design.Action(SAME, again)]
+    promised = {p: td.design.next_test(fit, p, actions=planned, every=STEP).best for p in FREE}
     both = td.calibrate(MODEL, [first, bench.record(kind, rng, "again")], FREE)
     units = {p: fit[p].value / fit[p].in_unit for p in FREE}
     return {p: scored((both[p].in_unit - bench.truth[p]) * units[p], promised[p].error) for p in FREE}

@@ -131,6 +131,7 @@ class Progress:
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
         self._told = ""
+        self._pen = threading.Lock()
 
     def now(self, text: str, done: float | None = None, step: str = "") -> None:
         """Say what is done now, and how much of the whole is finished; texts of one step are one line where there is no terminal."""
@@ -145,8 +146,9 @@ class Progress:
         if self._thread is None:
             typer.echo(text, err=True)
             return
-        sys.stderr.write("\r\x1b[2K")
-        show(text, err=True)
+        with self._pen:  # the line of the other thread would otherwise stand between the wiped line and the text
+            sys.stderr.write("\r\x1b[2K")
+            show(text, err=True)
 
     def line(self) -> str:
         """Return the line of a terminal: text, time spent, time left."""
@@ -176,8 +178,9 @@ class Progress:
         self._ended.wait(PATIENCE)
         while not self._ended.is_set():
             drawn = True
-            sys.stderr.write(f"\r\x1b[2K{self.line()[: width() - 1]}")
-            sys.stderr.flush()
+            with self._pen:
+                sys.stderr.write(f"\r\x1b[2K{self.line()[: width() - 1]}")
+                sys.stderr.flush()
             self._ended.wait(0.5)
         if drawn:
             sys.stderr.write("\r\x1b[2K")

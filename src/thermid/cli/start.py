@@ -14,7 +14,7 @@ from thermid.cli.screen import show, working
 from thermid.cli.summary import show_campaign
 from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
-from thermid.measure.record.codes import without_strays
+from thermid.measure.record.record import without_strays
 from thermid.reporting.pages import campaign as page
 from thermid.start import improve as improved
 from thermid.start.examples import EXAMPLES, copy_example, example_named
@@ -140,10 +140,11 @@ def improve(
     with working("searching for a structure", seconds):
         made = improved.improve(campaign, stage, seconds, data)
     content = {
-        "changes": [c.name for c in made.search.proposed.changes],
+        "changes": list(made.changes),
         "gain": made.search.likelihood(made.search.proposed),
-        "cannot_tell": [t.name for t in made.search.ties if t.nodes != made.search.proposed.nodes],
+        "cannot_tell": [t.name for t in made.last.ties if t.nodes != made.last.proposed.nodes],
         "sensors": made.rows(),
+        "delays": [d.to_dict() for d in made.delays],
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, str(made))

@@ -17,8 +17,7 @@ from thermid.errors import SolverError
 from thermid.estimation.dynamics import At, Dynamics
 from thermid.estimation.passing import Passing
 from thermid.estimation.process import ProcessNoise
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem, Unknown
 from thermid.linear_algebra import Array, Bools, variance
 
 DIFFERENCE: Final = 1e-4

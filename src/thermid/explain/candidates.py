@@ -199,6 +199,7 @@ class MissingElement:
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
     bends : bool        Whether its heat is not in proportion to differences of temperature, so that it acts otherwise at other powers.
+    delay : float       How much later than logged it lets powers and commands act. [s]
     """
 
     name: str
@@ -210,6 +211,7 @@ class MissingElement:
     additive: bool = False
     chosen: int = 0
     bends: bool = False
+    delay: float = 0.0
 
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one."""
@@ -225,7 +227,8 @@ class MissingElement:
         starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
         nodes, additive = self.nodes + other.nodes, self.additive and other.additive
         name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
-        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, self.bends or other.bends)
+        bends, delay = self.bends or other.bends, self.delay + other.delay
+        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, bends, delay)
 
 
 @dataclass(frozen=True)
@@ -615,7 +618,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
     name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
-    size = SMALL * place.loss or 1e-3
+    size = SMALL * (place.loss or 1.0)
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
     curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     make = _adding(
@@ -635,7 +638,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
     driven = [n for r in request.records for n, c in r.channels.items() if c.role in ("command", "load")]
     if not driven or not all(r.times.size > 20 for r in request.records):
         return
-    step = float(np.median(np.diff(request.records[0].times)))
+    step = request.records[0].step
 
     def later(delay: float) -> Callable[[Request], Request]:
         def make(request: Request) -> Request:
@@ -649,9 +652,9 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
         def judge(found: Any, delay: float = delay) -> tuple[str, bool]:
             line = f"prepare = [{{ delay = {{ by = ['0 [s]', '{short(2.0 * delay, 3)} [s]'] }} }}]"
-            return f"{short(delay, 3)} s. To fit the delay, write into the record: {line}", True
+            return f"{short(delay, 3)} s. To fit the delay, run `thermid improve`, or write into the record: {line}", True
 
-        yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make)
+        yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make, delay=delay)
 
 
 def _steeper(request: Request, place: _Place) -> MissingElement:

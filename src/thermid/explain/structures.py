@@ -26,8 +26,7 @@ from thermid.explain.candidates import Fitted, MissingElement, changes_of
 from thermid.fit.minimisation import Fit, minimise
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Problem, loss_of
-from thermid.fit.problem.unknowns import Prior, Unknown, starting_point
+from thermid.fit.problem.residuals import Prior, Problem, Unknown, loss_of, starting_point
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.measure.record.channel import BoolArray

@@ -14,8 +14,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
-from thermid.fit.problem.residuals import Problem, SensorTrace
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Problem, SensorTrace, Unknown
 from thermid.fit.uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.linear_algebra import NOTHING, Array, Bools, quadratic_forms
 from thermid.linear_algebra import covariance as information_inverse
@@ -449,7 +448,7 @@ def power_history(
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
         raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
-    usual = _usual_step(record)
+    usual = max(record.duration / KNOTS, record.step)
     step = literal(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
@@ -483,11 +482,6 @@ def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
         "power, or free fewer parameters.",
         where,
     )
-
-
-def _usual_step(record: Record) -> float:
-    """Return the default spacing of the knots. [s]"""
-    return max(float(record.times[-1] - record.times[0]) / KNOTS, float(np.median(np.diff(record.times))))
 
 
 def _plain(model: Model, load: str) -> tuple[str, Model]:
@@ -672,17 +666,16 @@ class Colour:
         root = np.linalg.cholesky(covariance_of_means(pieces, traces, inputs))
         return cls(np.linalg.inv(root), 2.0 * float(np.log(np.diag(root)).sum()))
 
-    def rows(self, problem: Problem, x: Array) -> tuple[Array, Array]:
-        """Return derivatives and residuals of the data at some values, weighed so that their noise is white and of size 1."""
-        pieces = binned(problem, x, bins=FINE).values()
-        slopes, means = np.concatenate([b.slopes for b in pieces]), np.concatenate([b.mean for b in pieces])
+    def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
+        """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
+        slopes, means = np.concatenate([b.slopes for b in pieces.values()]), np.concatenate([b.mean for b in pieces.values()])
         return self.inverse @ slopes, self.inverse @ means
 
 
 def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:
     """Return derivatives and residuals of the data at some values."""
     if colour is not None:
-        return colour.rows(problem, x)
+        return colour.rows(binned(problem, x, bins=FINE))
     found = problem.compressed(x)
     return found.slopes, found.rows
 
@@ -737,7 +730,7 @@ def _colour(
         return Colour.of(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
 
     def likely(colour: Colour) -> float:
-        sides, force = _sides(problem, found.x, pins, *colour.rows(problem, found.x)), np.zeros(found.x.size)
+        sides, force = _sides(problem, found.x, pins, *colour.rows(pieces)), np.zeros(found.x.size)
         near = found.strength + np.arange(-6.0, 7.0, 1.5)
         return _likeliest(sides, force, knots, pins, base, found.prior, near)[0] - 0.5 * colour.logdet
 

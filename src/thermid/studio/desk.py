@@ -12,8 +12,7 @@ import numpy as np
 from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import attached, corrected
-from thermid.fit.problem.residuals import Bench, Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Bench, Problem, Unknown
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Entry, parameter_table

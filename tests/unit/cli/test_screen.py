@@ -57,6 +57,41 @@ def test_no_line_is_longer_than_the_terminal_or_100(accelerometer: Path, columns
     assert max(map(len, said.splitlines())) <= min(columns, LONGEST)
 
 
+class Terminal:
+    """A terminal of which each write is kept, and takes a while."""
+
+    def __init__(self) -> None:
+        self.kept: list[str] = []
+
+    def write(self, text: str) -> int:
+        self.kept.append(text)
+        time.sleep(0.01)
+        return len(text)
+
+    def flush(self) -> None:
+        pass
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_no_progress_stands_before_a_text_that_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(screen, "PATIENCE", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+
+    def slowly(text: str, err: bool = False, whole: bool = True) -> None:
+        time.sleep(0.7)  # longer than the line of progress rests
+        terminal.write(f"{text}\n")
+
+    monkeypatch.setattr(screen, "show", slowly)
+    with Progress("work") as progress:
+        progress.say("a text that stays")
+    before = terminal.kept[terminal.kept.index("a text that stays\n") - 1]
+    assert before == "\r\x1b[2K"
+
+
 def test_colour_in_a_terminal_and_none_where_it_is_not_wanted(accelerometer: Path) -> None:
     refused = ("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--vacuum")
     assert "\x1b[1;31merror: " in in_a_terminal(*refused)
