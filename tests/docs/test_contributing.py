@@ -279,7 +279,7 @@ def test_the_kind_of_the_page_s_law_is_a_function_of_kinds() -> None:
     law = names["_wick"]({"conductance": 5.0, "heat_limit": 20.0})
     assert (law.form, law.coefficients) == ("saturating", (5.0, 4.0))
     with pytest.raises(DeckError, match="needs a conductance and a heat limit above zero"):
-        names["_wick"]({"conductance": 5.0, "heat_limit": 0.0})
+        names["_wick"]({"conductance": -5.0, "heat_limit": -20.0})
 
 
 def test_files_of_the_map_exist() -> None:
