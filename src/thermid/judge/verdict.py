@@ -152,14 +152,19 @@ class Verdict(Result):
         """Whether anything was fitted to the record that it judges."""
         return bool(self.fitted_locally)
 
+    @property
+    def head(self) -> str:
+        """The verdict in words, without its criteria."""
+        about = f" ({self.title})" if self.title else ""
+        word = "NOT JUDGED" if self.passed is None else "PASSED" if self.passed else "FAILED"
+        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
+        return f"{self.model} on {self.record}{about}: {word}{condition}"
+
     def __str__(self) -> str:
         """Return the verdict as text, criterion by criterion."""
-        about = f" ({self.title})" if self.title else ""
         if self.passed is None:
-            return f"{self.model} on {self.record}{about}: NOT JUDGED; the record was not read. {self.standing.line(self.model)}"
-        word = "PASSED" if self.passed else "FAILED"
-        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
-        lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
+            return f"{self.head}; the record was not read. {self.standing.line(self.model)}"
+        lines = [self.head]
         if self.failed_before:
             first = self.failed_before[0]
             lines.append(

@@ -653,25 +653,38 @@ class Problem:
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""
-        values, slopes = [], []
-        below = {int(k) for at, _, _ in self.coupled for k in at}
-        for k, u in enumerate(self.unknowns):
-            # what stages below found of an instrument holds its accuracy
-            if u.prior is not None and (u.kind == "parameter" or k not in below):
-                row = np.zeros(len(self.unknowns))
-                row[k] = 1.0 / u.prior.sd
-                values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
-                slopes.append(row)
-        for at, mean, root in self.coupled:
-            rows = np.zeros((root.shape[0], len(self.unknowns)))
-            rows[:, at] = root
-            values += list(root @ (fitted[at] - mean))
-            slopes += list(rows)
-        return np.array(values), np.array(slopes).reshape(len(values), len(self.unknowns))
+        return prior_rows(self.unknowns, self.coupled, fitted)
 
     def observations(self) -> list[Observation]:
         """Return every observation of every experiment."""
         return [o for e in self.experiments for o in e.observations]
+
+
+def prior_rows(
+    unknowns: Sequence[Unknown], coupled: Sequence[tuple[NDArray[np.int64], Array, Array]], fitted: Array
+) -> tuple[Array, Array]:
+    """Return the residuals of priors and their derivatives (residuals, unknowns). [-]
+
+    Parameters
+    ----------
+    coupled : sequence          Positions, means and the root of the information of what stages below found together.
+    fitted : array (unknowns,)  In the fitted form.
+    """
+    values, slopes = [], []
+    below = {int(k) for at, _, _ in coupled for k in at}
+    for k, u in enumerate(unknowns):
+        # what stages below found of an instrument holds its accuracy
+        if u.prior is not None and (u.kind == "parameter" or k not in below):
+            row = np.zeros(len(unknowns))
+            row[k] = 1.0 / u.prior.sd
+            values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
+            slopes.append(row)
+    for at, mean, root in coupled:
+        rows = np.zeros((root.shape[0], len(unknowns)))
+        rows[:, at] = root
+        values += list(root @ (fitted[at] - mean))
+        slopes += list(rows)
+    return np.array(values), np.array(slopes).reshape(len(values), len(unknowns))
 
 
 class Predictions(Sequence[SensorTrace]):
