@@ -19,6 +19,7 @@ from thermid.errors import IdentificationError, ThermidError
 from thermid.explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import discrepancy_kept
 from thermid.fit.problem.experiment import MEASURED, Experiment
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
@@ -42,6 +43,8 @@ MOST_CHANGES = 20
 """Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
 FAR_STEPS, FAR_PART = 8.0, 0.05
 """How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
+MOST_STEPS = 20_000
+"""Steps of one run after which a refit is given up."""
 REACH = 100.0
 """Factor from where they begin within which the values of a defect are looked for. [-]"""
 PATIENCE = 60
@@ -104,6 +107,9 @@ def asks(fit: Calibration) -> bool:
     """Whether the residuals of a fit are larger than the stated noise, and the fit is small enough for refits."""
     problem, request = fit.problem, fit.request
     if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.model.runner is not None or problem.clocked:
+        return False
+    kept = discrepancy_kept(fit.values)
+    if kept is None or kept.sizes:  # what wanders may be the law of a coefficient that is held constant: no proof of a defect
         return False
     small = len(problem.unknowns) <= MOST_UNKNOWNS and fit.freedom <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
     small = small and len(problem.experiments[0].network.nodes) <= MOST_NODES
@@ -248,7 +254,8 @@ def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -
         if count > PATIENCE:
             raise IdentificationError(f"{count} evaluations did not end a refit.", request.name)
 
-    return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns)), watch)
+    options = replace(problem.options, max_steps=MOST_STEPS)
+    return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns), options=options), watch)
 
 
 def _decided(request: Request, found: Calibration) -> bool:
