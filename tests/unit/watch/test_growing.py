@@ -13,8 +13,10 @@ from thermid.measure import Channel, Record
 from thermid.measure.readers.log_reader import read_record
 from thermid.watch import growing
 from thermid.watch.growing import GrowingLog, thinned
+from unit.acquire.bench import Sheet
 
 ICE = 273.15
+SENSOR = "021CB801000000A2"
 
 
 def rows(begin: int, end: int, stamps: bool = False) -> str:
@@ -48,6 +50,24 @@ def test_pieces_are_the_whole(tmp_path: Path, stamps: bool, monkeypatch: pytest.
     np.testing.assert_allclose(kept.times, whole.times)
     np.testing.assert_allclose(kept["T"].values, whole["T"].values)
     np.testing.assert_allclose(kept["P"].values, whole["P"].values)
+
+
+def test_a_log_of_the_bench_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(growing, "CHUNK", 4000)
+    made = Sheet().start()
+    made.say(0.01, 0, "uno,thermid-bench 1,power", "B")
+    for k in range(400):
+        made.say(k + 1.01, 1000 * (k + 1), f"{SENSOR},{320 + k},ok")
+    path = tmp_path / "bench.log"
+    log = GrowingLog(path, lambda p: read_record(p, {"a": SENSOR}))
+    for share in (0.3, 0.7, 1.0):
+        path.write_text(made.text[: int(share * len(made.text))])
+        kept = log.record()
+    whole = read_record(path, {"a": SENSOR})
+    assert kept is not None
+    assert not log.whole
+    np.testing.assert_allclose(kept.times, whole.times, atol=1e-3)
+    np.testing.assert_allclose(kept["a"].values, whole["a"].values)
 
 
 def test_a_line_that_is_being_written_waits(tmp_path: Path) -> None:

@@ -45,16 +45,17 @@ function forecastWords(c) {
   const f = c.forecast;
   if (!f) return "";
   const holds = f.holds === null || f.holds === undefined ? "" : f.holds <= found.end ? "; the rule holds by now" : `; the rule holds about ${hour(f.holds)}${f.late ? `, with 95 % by ${hour(f.late)}` : ""}`;
-  return f.final === null ? `declined: ${nice(f.declined)}${holds}` : `${f.final.toFixed(2)} °C, 95 % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}`;
+  return f.final === null ? `declined: ${nice(f.declined)}${holds}` : `${f.final.toFixed(2)} °C, ${f.level || 95} % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}`;
 }
 function endWords(c) {
-  const f = c.forecast, when = found.forecast_at < found.end ? ` (from the readings to ${hour(found.forecast_at)})` : "";
+  const f = c.forecast, at_ = f?.at ?? found.forecast_at, when = at_ < found.end ? ` (from the readings to ${hour(at_)})` : "";
   if (!f) return "";
   return f.final === null ? `Where ${c.name} will end is not said yet${when}: ${nice(f.declined)}` : `${c.name} will end at ${forecastWords(c)}${when}.`;
 }
 function show() {
   at("bench-result").hidden = false;
   beat();
+  found.channels.forEach(foreseen);
   const { verdict, channels } = found, own = channels.find((c) => c.name === focus) || channels.find((c) => c.name === found.slowest) || channels[0];
   at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": verdict.word }, make("strong", { text: `${MARKS[verdict.word]} ${verdict.word}` }), make("span", { text: ` ${nice(verdict.text)}` }), make("br"), make("span", { text: endWords(own) })));
   watched(found.watch);
@@ -69,6 +70,11 @@ function show() {
   const names = channels.map((c) => c.name);
   if (at("bench-legend").dataset.names !== names.join("\n")) { at("bench-legend").dataset.names = names.join("\n"); legend(at("bench-legend"), names, [chart]); }
   draw(own);
+}
+// where the model ends a channel takes the place of where the readings alone do
+function foreseen(c) {
+  const w = found.watch, e = w.model && w.ends?.[c.name];
+  if (e) c.forecast = { declined: e.declined || "", final: e.final_C, low: e.interval_C[0], high: e.interval_C[1], holds: e.holds, late: null, at: e.now, level: (100 * e.level).toFixed(2) };
 }
 // what thermid watch prints: alarms first, then the advice, nodes without a sensor, what is assumed
 function watched(w) {
