@@ -19,7 +19,7 @@ import numpy as np
 
 from thermid.errors import RecordError, UnitError, cap, raising
 from thermid.extensions import optional
-from thermid.measure.readers.columns import spelt
+from thermid.measure.readers.headers import spelt
 from thermid.measure.readers.matlab_objects import objects_of, series_of
 from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
 from thermid.units import require
