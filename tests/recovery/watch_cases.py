@@ -217,10 +217,13 @@ def replayed(path: Path, every: float = 60.0) -> Replay | None:
     stopped: WatchLook | None = None
     look: WatchLook | None = None
     while at < record.times[-1] + every:
-        look = twin.look(record.trim("start", min(at, float(record.times[-1]))))
-        stopped = look if stopped is None and look.advice.word == STOP else stopped
+        early = record.times <= at
+        if all(np.count_nonzero(record.channel(n).valid & early) >= 10 for n in kept):
+            look = twin.look(record.trim("start", min(at, float(record.times[-1]))))
+            stopped = look if stopped is None and look.advice.word == STOP else stopped
         at += every
-    assert look is not None
+    if look is None:
+        return None
     left = [] if stopped is None else [_left(record, stopped)]
     return Replay(f"{path.parent.name}/{path.name}", record.duration * len(kept) / 3600.0, tuple(map(str, look.alarms)), tuple(left))
 
