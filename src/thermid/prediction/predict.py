@@ -26,7 +26,7 @@ from thermid.measure.amounts import short
 from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
 from thermid.prediction.known import Known, Rows
 from thermid.prediction.setting import Linear, Setting
 from thermid.results import PlottedTrace, Result, Row
@@ -335,7 +335,8 @@ def predict(
         )
         for e in others
     ]
-    return averaged(plain, others, told, known.fit) if told else plain
+    looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
+    return averaged(plain, others, told, known.fit) if told else looked
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:
