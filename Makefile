@@ -28,10 +28,10 @@ demo: setup  ## the demonstration; ends with the path of its page
 	@$(BIN)/python examples/demo.py
 
 test: lint  ## lint, then every test but the whole campaigns
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not campaign" -rs --durations=10
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not campaign" -rs --durations=10
 
 test-all: lint  ## lint, then every test
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -rs --durations=10
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -rs --durations=10
 
 bench: setup-test  ## every benchmark beside the peers that are installed, the tables of docs/benchmarks.md, the guards
 	@for case in B1 B2 B3 B4 B5 B6; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done

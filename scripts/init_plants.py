@@ -23,7 +23,7 @@ from thermid.errors import ThermidError
 from thermid.explain.structures import TIE, FittedStructure, adopted, fitted_structure
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.unknowns import starting_point
+from thermid.fit.problem.residuals import starting_point
 from thermid.start.proposal import Proposal, propose
 from thermid.start.roles import SURROUNDINGS, Power, Roles
 

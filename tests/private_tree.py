@@ -27,7 +27,8 @@ class PrivateTree:
         self.root = directory
         junk = shutil.ignore_patterns("__pycache__", "*.pyc", ".hypothesis")
         for name in folders:
-            shutil.copytree(ROOT / name, directory / name, ignore=junk)
+            # what is compiled goes with the package: Python takes it only for a source of the same time and size, which copies keep
+            shutil.copytree(ROOT / name, directory / name, ignore=None if name == "src" else junk)
         for name in FILES:
             shutil.copy2(ROOT / name, directory / name)
         shutil.copy2(str(kernel.__file__), directory / "src" / "thermid")

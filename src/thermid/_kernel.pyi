@@ -8,26 +8,6 @@ _Ints: TypeAlias = NDArray[np.int32]
 _Reals: TypeAlias = NDArray[np.float64]
 _Csr: TypeAlias = tuple[_Ints, _Ints, _Reals, int]
 
-# Kinds of conductors
-LINEAR: Final[int]
-POWER: Final[int]
-RADIATION: Final[int]
-FLOW: Final[int]
-TABLE_MEAN: Final[int]
-TABLE_DIFF: Final[int]
-GAS: Final[int]
-NATURAL: Final[int]
-POTENTIAL: Final[int]
-HINGE_MEAN: Final[int]
-HINGE_DIFF: Final[int]
-# Kinds of loads
-SIGNAL: Final[int]
-POLY: Final[int]
-EXP: Final[int]
-TABLE: Final[int]
-# Kinds of controls
-THERMOSTAT: Final[int]
-PROPORTIONAL: Final[int]
 # Kinds of inputs
 SAMPLED_LINEAR: Final[int]
 SAMPLED_HOLD: Final[int]
@@ -49,7 +29,8 @@ SINGULAR_NODE: Final[int]
 BAD_INPUT: Final[int]
 CHATTER: Final[int]
 
-# The tables of laws: form -> (kind, coefficients, tables, linear in temperatures, one way)
+# The tables of laws: form -> (kind, coefficients, tables, linear in temperatures, one way). Each kind is also a constant by the name
+# in its row of laws.hpp, which only tests use.
 CONDUCTOR_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
 LOAD_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]
 CONTROL_LAWS: Final[dict[str, tuple[int, int, int, bool, bool]]]

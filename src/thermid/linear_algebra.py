@@ -46,26 +46,27 @@ def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, Bools, Arr
 
 
 def pseudo_inverse(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Return the pseudo-inverse of J'J: right for combinations of which the rows state thismething, nothing of the others."""
+    """Return the pseudo-inverse of J'J: right for combinations of which the rows state something, nothing of the others."""
+    return _inverse(rows, tolerance)[0]
+
+
+def _inverse(rows: Array, tolerance: float) -> tuple[Array, Array]:
+    """Return the pseudo-inverse of J'J, and the part of each unknown in directions of which the rows state nothing."""
     if rows.shape[1] == 0:
-        return np.zeros((0, 0))
+        return np.zeros((0, 0)), np.zeros(0)
     s, v, weak, length = _decomposed(rows, tolerance)
     inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
     # (J'J)^-1 = V S^-2 V'
-    return np.asarray((v.T * inverted**2) @ v / np.outer(length, length))
+    return (v.T * inverted**2) @ v / np.outer(length, length), np.linalg.norm(v[weak], axis=0)
 
 
 def covariance(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Return (J'J)^-1; an unknown with a part in a direction without information has an infinite variance and goes with no other."""
-    if rows.shape[1] == 0:
-        return np.zeros((0, 0))
-    s, v, weak, length = _decomposed(rows, tolerance)
-    inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s))
-    out = (v.T * inverted**2) @ v / np.outer(length, length)
-    lost = np.linalg.norm(v[weak], axis=0) > LOST
+    out, unknown = _inverse(rows, tolerance)
+    lost = unknown > LOST
     out[lost, :] = out[:, lost] = 0.0
     out[lost, lost] = np.inf
-    return np.asarray(out)
+    return out
 
 
 def finite(matrix: Array) -> Array:

@@ -96,7 +96,7 @@ def doubled_classes(modules: Mapping[str, Module]) -> Offenders:
     """Names that classes of several modules have -> in how many modules."""
     places: dict[str, set[str]] = {}
     for module in modules.values():
-        for node in ast.walk(module.tree):
+        for node in module.nodes:
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, set()).add(module.name)
     return {name: len(where) for name, where in places.items() if len(where) > 1}

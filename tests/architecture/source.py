@@ -36,15 +36,24 @@ class Module:
     def tree(self) -> ast.Module:
         return ast.parse(self.text)
 
+    @cached_property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """Every node of the tree, in the order of `ast.walk`."""
+        return tuple(ast.walk(self.tree))
+
     @property
     def room(self) -> str:
         """First name below `thermid`; empty for the package's own `__init__`."""
         return room_of(self.name)
 
-    def imports(self) -> Iterator[Import]:
+    def imports(self) -> tuple[Import, ...]:
         """Every import, wherever it stands: at the top, inside a function, for the type checker only, or by text."""
-        yield from self._imports(self.tree, lazy=False, typing=False)
-        yield from self._imports(ast.parse(self.stub), lazy=False, typing=True)
+        return self._all_imports
+
+    @cached_property
+    def _all_imports(self) -> tuple[Import, ...]:
+        stub = self._imports(ast.parse(self.stub), lazy=False, typing=True)
+        return (*self._imports(self.tree, lazy=False, typing=False), *stub)
 
     def _imports(self, node: ast.AST, lazy: bool, typing: bool) -> Iterator[Import]:
         for child in ast.iter_child_nodes(node):

@@ -19,17 +19,17 @@ CONTAINERS = {"dict", "list", "set", "defaultdict", "OrderedDict", "Counter", "d
 CHANGES = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "remove", "discard", "clear", "appendleft"}
 
 
-def own_names(tree: ast.Module) -> set[str]:
+def own_names(module: Module) -> set[str]:
     """Names that the module binds itself, which therefore are not the built-in ones."""
-    names = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
-    names |= {(a.asname or a.name) for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module != "sys" for a in n.names}
+    names = {node.name for node in module.nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
+    names |= {(a.asname or a.name) for n in module.nodes if isinstance(n, ast.ImportFrom) and n.module != "sys" for a in n.names}
     return names - {"print"}  # another library's `print` prints as well
 
 
 def noises(module: Module) -> Iterator[str]:
     """Places that print, write to the terminal or end the process."""
-    own = own_names(module.tree)
-    for node in ast.walk(module.tree):
+    own = own_names(module)
+    for node in module.nodes:
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in SAYS and node.id not in own:
             yield f"{module.name}:{node.lineno} {SAYS[node.id]} ({node.id})"
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and (node.value.id, node.attr) in SAYS_AT:
@@ -38,11 +38,11 @@ def noises(module: Module) -> Iterator[str]:
 
 def code_from_text(module: Module) -> Iterator[str]:
     """Places that run text as code or restore pickled objects."""
-    own = own_names(module.tree)
+    own = own_names(module)
     for imported in module.imports():
         if imported.target.partition(".")[0] in PICKLES:
             yield f"{module.name}:{imported.line} imports {imported.target}"
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if isinstance(node, ast.Name) and node.id in RUNS - own:
             yield f"{module.name}:{node.lineno} uses {node.id}"
         elif isinstance(node, ast.Attribute | ast.keyword) and {getattr(node, "attr", None), getattr(node, "arg", None)} & PICKLE_CALLS:
@@ -58,13 +58,14 @@ def state(module: Module) -> Iterator[str]:
         if built or isinstance(value, ast.Dict | ast.List | ast.Set | ast.DictComp | ast.ListComp | ast.SetComp):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             shared |= {target.id for target in targets if isinstance(target, ast.Name)}
-    for function in ast.walk(module.tree):
+    for function in module.nodes:
         if isinstance(function, ast.Global):
             yield f"{module.name}:{function.lineno} global {', '.join(function.names)}"
-        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
-            local = {n.id for n in ast.walk(function) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-            local |= {n.arg for n in ast.walk(function) if isinstance(n, ast.arg)}
-            for node in ast.walk(function):
+        if shared and isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            inside = list(ast.walk(function))
+            local = {n.id for n in inside if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+            local |= {n.arg for n in inside if isinstance(n, ast.arg)}
+            for node in inside:
                 if changed_name(node) in shared - local:
                     yield f"{module.name}:{node.lineno} changes the module's {changed_name(node)}"
 

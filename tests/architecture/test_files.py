@@ -72,7 +72,7 @@ def own_names(module: Module) -> set[str]:
 def writes(module: Module) -> Iterator[str]:
     """Places that write a file past the writer."""
     ours = own_names(module)
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if not isinstance(node, ast.Call):
             continue
         name = called(node)
@@ -87,7 +87,7 @@ def writes(module: Module) -> Iterator[str]:
 
 def reads(module: Module) -> Iterator[str]:
     """Places that read a file which then is not known as an input."""
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in READS:
             if getattr(node.func.value, "id", "") != "files":
                 yield f"{module.name}:{node.lineno} {called(node)}"

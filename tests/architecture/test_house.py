@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ def package(**texts: str) -> dict[str, Module]:
     return {f"thermid.model.{name}": Module(f"thermid.model.{name}", text) for name, text in texts.items()}
 
 
-KERNEL = Path(__file__).parents[2] / "src" / "kernel"
+ROOT = Path(__file__).parents[2]
+KERNEL = ROOT / "src" / "kernel"
 ONE = "from thermid.model.two import two"
 CROWDED = {f"f{k}": "" for k in range(CROWD + 1)}
 PLANTED = [
@@ -74,3 +76,13 @@ def test_the_kernel_stands_in_folders_by_concept() -> None:
     folders = {folder.name: len(list(folder.iterdir())) for folder in KERNEL.iterdir()}
     assert folders["network"] >= 5
     assert {name: n for name, n in folders.items() if n > CROWD} == {}
+
+
+def test_what_a_warm_call_walks_through() -> None:
+    """The simplest fit, of one coefficient, and a prediction from it."""
+    sys.path.append(str(ROOT / "scripts"))
+    from house import calls, executed
+
+    files = {name: executed(call)[0] for name, call in calls().items()}
+    assert files["calibrate"] <= 35
+    assert files["predict"] <= 30

@@ -14,7 +14,7 @@ import pytest
 
 import thermid
 
-from .source import Module, room_of, within
+from .source import ROOT, Module, room_of, within
 
 FOUNDATION = {
     "arguments",
@@ -183,6 +183,46 @@ def test_imports_point_one_way(modules: dict[str, Module]) -> None:
     assert len(modules) > 10
     problems = forbidden_imports(modules.values(), set(modules))
     assert not problems, "\n" + "\n".join(problems)
+
+
+def places_on_the_map(text: str) -> dict[str, int]:
+    """Package -> its place on the map of a text: packages after an arrow or in a later line have a higher one."""
+    places: dict[str, int] = {}
+    place = 0
+    for line in text.partition("\n## Map\n")[2].partition("\n\n**")[0].splitlines():
+        room, place = "", place + 1
+        for name, colon, arrow, end in re.findall(r"`(\w+)`(?: \([^)]*\))?(:?)|(→)|([;|])", line if line.startswith("|") else ""):
+            if colon:
+                room = name
+            elif name:
+                places[f"{room}.{name}" if room else name] = place
+            elif arrow:
+                place += 1
+            elif end and room:
+                place += 1
+                places[room], room = place, ""  # a room is above its packages
+    return places
+
+
+def test_the_map_of_contributing_shows_every_room_and_its_arrows(modules: dict[str, Module]) -> None:
+    places = places_on_the_map((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+    rooms = {room_of(name) for name, module in modules.items() if module.package} - {""}
+    assert rooms <= set(places), f"the map lacks {sorted(rooms - set(places))}"
+    assert set(places) <= set(ARROWS), f"ARROWS lacks {sorted(set(places) - set(ARROWS))}"
+    missing = {key for key in ARROWS if key not in places and key.partition(".")[0] not in places}
+    assert missing == {"_units_table", "__main__"}
+
+    def place(package: str) -> int:
+        return places.get(package, places.get(package.partition(".")[0], 0))
+
+    wrong = [
+        f"{package} may import {other}, which is not left of it or above"
+        for package, others in ARROWS.items()
+        for other in sorted(others - TOP - {"_kernel", "_units_table", ""})
+        if package.partition(".")[0] != other.partition(".")[0] or (other in places and package in places)
+        if other != package and package not in {"_units_table", "__main__"} and place(other) >= place(package)
+    ]
+    assert not wrong, "\n" + "\n".join(wrong)
 
 
 def stated_rooms(text: str) -> set[str]:

@@ -18,7 +18,7 @@ def table(rows: dict[str, int]) -> str:
 
 def function_lengths(module: Module) -> dict[str, int]:
     """Lines of each function, its documentation included."""
-    functions = (node for node in ast.walk(module.tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+    functions = (node for node in module.nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
     return {f"{module.name}.{node.name}:{node.lineno}": (node.end_lineno or 0) - node.lineno + 1 for node in functions}
 
 

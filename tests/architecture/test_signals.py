@@ -75,7 +75,7 @@ def taken_apart(module: Module) -> list[str]:
     if not any(i.target == HOME and KINDS & set(i.names) for i in module.imports()):
         return []
     out = []
-    functions = [n for n in ast.walk(module.tree) if isinstance(n, ast.FunctionDef)]
+    functions = [n for n in module.nodes if isinstance(n, ast.FunctionDef)]
     for function in functions:
         known = _signals_in(function)
         for node in ast.walk(function):

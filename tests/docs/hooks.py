@@ -10,7 +10,8 @@ sys.path.append(str(ROOT / "scripts"))
 
 import notebooks
 import studio_pictures
+from decisions import about
 from docs_hooks import MADE, PICTURES, commands, rooms, turned, virtual_pages
 from formulas import mathml
 
-__all__ = ["MADE", "PICTURES", "commands", "mathml", "notebooks", "rooms", "studio_pictures", "turned", "virtual_pages"]
+__all__ = ["MADE", "PICTURES", "about", "commands", "mathml", "notebooks", "rooms", "studio_pictures", "turned", "virtual_pages"]

@@ -104,9 +104,9 @@ def text_of(node: ast.AST) -> str | None:
 
 def messages(path: Path) -> Iterator[tuple[int, str]]:
     """Line and text of every message of a file."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     skipped: set[int] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         match node:
             case ast.Expr(value=ast.Constant() as text):  # docstrings, and those of attributes
                 skipped.add(id(text))
@@ -114,7 +114,7 @@ def messages(path: Path) -> Iterator[tuple[int, str]]:
                 skipped.add(id(text))
             case ast.JoinedStr(values=parts):
                 skipped.update(id(part) for part in parts)
-    for node in ast.walk(tree):
+    for node in nodes:
         text = None if id(node) in skipped else text_of(node)
         if text and text[0] != "^" and len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\{[^}]*\}", " ", text))) >= WORDS and "<" not in text:
             yield node.lineno, text

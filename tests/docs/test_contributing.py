@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import thermid._kernel
+from thermid.dual import value_of
+from thermid.errors import DeckError
+from thermid.model.parts.kinds import Law
 
+from .hooks import about
 from .pages import ROOT, blocks, codes, prose
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -30,8 +37,11 @@ bolts = { kind = "bolt", between = ["plate", "base"], bolt_conductance = { value
 heater = { into = "plate", power = "10 [W]" }
 """
 
-WALKS = (("test_silent_wrongs.py", "EXAMPLES: dict", "example"), ("judge/test_metrics.py", '    sizes["p95"]', "metric-size"))
-"""Tests that walk a table and need a line of each new row: file, where its lines stand, line of the page."""
+WALKS = (
+    ("model/every_kind.py", "CASES: list", "example", "\n]\n"),
+    ("judge/test_metrics.py", '    sizes["p95"]', "metric-size", "\n    assert "),
+)
+"""What tests that walk a table take, with a line of each new row: file, where its lines stand, line of the page, end of its lines."""
 
 USE = """
 import json, sys
@@ -63,7 +73,7 @@ import sys
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{type(finder).__module__} {type(finder).__name__}".lower()]
 sys.path[:0] = sys.argv[1:2]
 import pytest
-sys.exit(pytest.main(["-q", "-rA", "-p", "no:cacheprovider", "-c", "empty.ini", *sys.argv[2:]]))
+sys.exit(pytest.main(["-q", "-rA", "-p", "no:cacheprovider", "-c", "empty.ini", "--import-mode=importlib", *sys.argv[2:]]))
 """
 
 
@@ -100,9 +110,10 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
     diagram = folder / "src" / "thermid" / "reporting" / "diagrams" / "diagram.py"
     diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["line-style"]), encoding="utf-8")
-    for name, table, row in WALKS:
+    for name, table, row, end in WALKS:
         walk = (ROOT / "tests" / "unit" / name).read_text(encoding="utf-8")
-        (folder / Path(name).name).write_text(lengthened(walk, table, EXAMPLE[row], "\n}\n" if row == "example" else "\n    assert "))
+        (folder / "tests" / "unit" / name).parent.mkdir(parents=True)
+        (folder / "tests" / "unit" / name).write_text(lengthened(walk, table, EXAMPLE[row], end), encoding="utf-8")
     metrics = folder / "src" / "thermid" / "judge" / "metrics.py"
     source = metrics.read_text(encoding="utf-8")
     metrics.write_text(added(source, "metric", "@dataclass(frozen=True)\nclass Metric:", "METRICS: Final", "}\n"), encoding="utf-8")
@@ -135,7 +146,16 @@ def test_the_new_kind_is_simulated_and_fitted(copy: Path) -> None:
 
 
 RECIPES = ("test_bolts.py", "test_metric.py", "test_reader.py")
-WALKING = ("test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn", "test_metrics.py::test_what_each_metric_is")
+KINDS_WALKED = (
+    "test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn",
+    "model/test_elements.py::test_every_kind_has_a_case",
+    "model/test_round_trip.py::test_the_sink_holds_every_kind",
+    "model/test_round_trip.py::test_round_trip_of_everything",
+)
+METRICS_WALKED = "judge/test_metrics.py::test_what_each_metric_is"
+WALKING = (*KINDS_WALKED, METRICS_WALKED)
+BLIND = {"test_round_trip_of_everything"}
+"""Of those, what passes without the line too: it walks the cases, not the table."""
 
 
 def outcomes(copy: Path, script: str, *tests: str) -> dict[str, set[str]]:
@@ -149,9 +169,10 @@ def outcomes(copy: Path, script: str, *tests: str) -> dict[str, set[str]]:
 @pytest.fixture(scope="module")
 def with_them(copy: Path) -> dict[str, set[str]]:
     """What becomes of the tests of the page, of the package as the contributor leaves it."""
+    kinds = (f"{ROOT / 'tests' / 'unit'}/{test}" for test in KINDS_WALKED)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(ROOT / "tests"))
-        return outcomes(copy, CHECK, *RECIPES, *WALKING)
+        patch.setenv("PYTHONPATH", os.pathsep.join(map(str, (copy / "tests", ROOT / "tests"))))
+        return outcomes(copy, CHECK, *RECIPES, *kinds, f"{copy / 'tests' / 'unit'}/{METRICS_WALKED}")
 
 
 @pytest.fixture(scope="module")
@@ -163,10 +184,9 @@ def without(copy: Path) -> dict[str, set[str]]:
 @pytest.fixture(scope="module")
 def unchanged(copy: Path) -> dict[str, set[str]]:
     """What becomes of the tests that walk a table, left unchanged, of the package with the new rows."""
-    files = {name: next((ROOT / "tests" / "unit").rglob(name.partition("::")[0])) for name in WALKING}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(ROOT / "tests"))
-        return outcomes(copy, CHECK, *(f"{file}::{name.partition('::')[2]}" for name, file in files.items()))
+        return outcomes(copy, CHECK, *(f"{ROOT / 'tests' / 'unit'}/{test}" for test in WALKING))
 
 
 def test_the_tests_of_the_recipes_pass_with_them_and_fail_without(with_them: dict[str, set[str]], without: dict[str, set[str]]) -> None:
@@ -176,7 +196,8 @@ def test_the_tests_of_the_recipes_pass_with_them_and_fail_without(with_them: dic
 
 
 def test_what_walks_a_table_fails_without_a_line_of_the_new_row(unchanged: dict[str, set[str]]) -> None:
-    assert unchanged == {"PASSED": set(), "FAILED": {test.partition("::")[2] for test in WALKING}, "ERROR": set()}
+    names = {test.partition("::")[2] for test in WALKING}
+    assert unchanged == {"PASSED": BLIND, "FAILED": names - BLIND, "ERROR": set()}
 
 
 def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:
@@ -206,12 +227,143 @@ def test_the_guide_s_line_of_a_reader_is_that_of_its_row() -> None:
     assert EXAMPLE["reader-guide"].strip() == f"| {row[1]} | {row[2]} | - |"
 
 
+PROGRAM = """
+#include <cstdio>
+#include "network/laws.hpp"
+using namespace thermid;
+int main() {
+    const double given[4] = {310.0, 290.0, 0.5, 7.0};
+    const Conduct<double> r = conductor<true>(SATURATING, given[0], given[1], given[2], given[3], nullptr);
+    std::printf("%.17g %.17g %.17g %.17g %.17g\\n", r.q, r.qa, r.qb, r.phi, r.q1);
+    for (int by = 0; by < 4; ++by) {
+        Dual x[4];
+        for (int k = 0; k < 4; ++k) x[k] = {given[k], k == by ? 1.0 : 0.0};
+        std::printf("%.17g ", conductor<true>(SATURATING, x[0], x[1], x[2], x[3], nullptr).q.e);
+    }
+    std::printf("%s %d", CONDUCTOR_LAWS[SATURATING].name, CONDUCTOR_LAWS[SATURATING].coefficients);
+}
+"""
+"""Heat of the recipe's law with its derivatives, then the derivatives by dual numbers, and its row."""
+
+
+def test_the_law_of_the_page_is_compiled_and_is_its_formula(tmp_path: Path) -> None:
+    compiler = shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")
+    if compiler is None:
+        pytest.skip("there is no C++ compiler (Debian package g++)")
+    source = (ROOT / "src" / "kernel" / "network" / "laws.hpp").read_text(encoding="utf-8")
+    end = source.index("\n", source.index("ROW(HINGE_DIFF"))
+    source = f"{source[:end]} \\\n{EXAMPLE['law-row'].rstrip()}{source[end:]}"
+    doc, mark, enum = source.partition("// How a conductor stands in a network")
+    assert mark
+    (tmp_path / "network").mkdir()
+    (tmp_path / "network" / "laws.hpp").write_text(f"{doc}{EXAMPLE['law-function']}\n{mark}{enum}", encoding="utf-8")
+    (tmp_path / "law.cpp").write_text(PROGRAM, encoding="utf-8")
+    options = ["-std=c++17", f"-I{tmp_path}", f"-I{ROOT / 'src' / 'kernel'}", "-o", "law"]
+    subprocess.run([compiler, *options, "law.cpp"], cwd=tmp_path, check=True)
+    values, *rest = subprocess.run([tmp_path / "law"], capture_output=True, text=True, check=True).stdout.splitlines()
+    *dual, name, coefficients = rest[0].split()
+    heat, *slopes = map(float, values.split())
+    body = textwrap.dedent(EXAMPLE["law-reference"])
+    k, spelled = SimpleNamespace(SATURATING=1), {}
+    exec(f"def formula(k, kind, g, d, c, slots):\n{textwrap.indent(body, '    ')}", spelled)
+    assert heat == pytest.approx(spelled["formula"](k, 1, 0.5, 20.0, [0.5, 7.0], [0, 1]), rel=1e-14)
+    assert slopes == pytest.approx([float(x) for x in dual], rel=1e-13)
+    assert f'Law("{name}", (' in EXAMPLE["law-kind"]
+    assert int(coefficients) == 2
+
+
+def test_the_kind_of_the_page_s_law_is_a_function_of_kinds() -> None:
+    """What it takes and what it refuses; the kernel here does not have its law."""
+    names = {"Fields": dict, "Law": Law, "value_of": value_of, "DeckError": DeckError}
+    exec(EXAMPLE["law-kind"], names)
+    law = names["_wick"]({"conductance": 5.0, "heat_limit": 20.0})
+    assert (law.form, law.coefficients) == ("saturating", (5.0, 4.0))
+    with pytest.raises(DeckError, match="needs a conductance and a heat limit above zero"):
+        names["_wick"]({"conductance": -5.0, "heat_limit": -20.0})
+
+
 def test_files_of_the_map_exist() -> None:
     """Paths between backticks that begin in a room."""
     rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir()}
     named = [word for word in codes(prose(TEXT)) if word.partition("/")[0] in rooms and "/" in word]
     assert len(named) > 20
     assert [word for word in named if not (PACKAGE / word).is_dir() and not (PACKAGE / f"{word}.py").is_file()] == []
+    recipes = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
+    paths = [
+        word
+        for word in (*EXAMPLE["quick-check"].split(), *codes(prose(recipes)))
+        if word.startswith(("tests/", "src/", "docs/", "scripts/"))
+    ]
+    assert len(paths) > 12
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
+WALK = """
+import json, sys
+from pathlib import Path
+import numpy as np
+
+entered = set()
+
+def note(frame, event, argument):
+    if event == "call" and frame.f_code.co_name != "<module>":
+        entered.add(frame.f_code.co_filename)
+
+sys.setprofile(note)
+import thermid as td
+from thermid.reporting.pages.views import calibration_object
+
+part = td.load_model("plate.toml")
+bench = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="30 [min]")
+run = td.simulate(part.with_values({"film.htc": "7 [W/(m^2 K)]"}), bench)
+read = run["plate"].celsius + np.random.default_rng(1).normal(0.0, 0.05, run.times.size)
+np.savetxt("log.csv", np.column_stack([run.times, read]), delimiter=",", header="time_s,T plate [degC]", comments="")
+fit = td.calibrate(part, td.read_record("log.csv", {"plate": "T plate"}, noise={"plate": "0.05 [K]"}), ["film.htc"], scenario=bench)
+calibration_object(fit)
+fit.values.save("plate.values.toml")
+sys.setprofile(None)
+root = Path(td.__file__).parent
+print(json.dumps(sorted(Path(f).relative_to(root).with_suffix("").as_posix() for f in entered if Path(f).is_relative_to(root))))
+"""
+WALKED = """
+title = "plate"
+needs = ["air"]
+nodes = { plate = { capacitance = "100 [J/K]" } }
+loads = { heater = { into = "plate", power = "2 [W]" } }
+[conductors.film]
+kind = "convection"
+between = ["plate", "air"]
+htc = { value = "8 [W/(m^2 K)]", min = 2, max = 20 }
+area = "0.02 [m^2]"
+"""
+AT_THE_BENCH = {"acquire/wire", "acquire/logger", "acquire/benchlog"}
+
+
+def test_the_walks_are_those_of_a_running_fit(tmp_path: Path) -> None:
+    """Each file that the walks of a parameter and of a line of a log name has a function that such a fit calls."""
+    (tmp_path / "plate.toml").write_text(WALKED, encoding="utf-8")
+    done = subprocess.run([sys.executable, "-c", WALK], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    entered = set(json.loads(done.stdout))
+    for title in ("One parameter", "One line of a log"):
+        walk = TEXT.partition(f"**{title}**")[2].partition("\n\n")[0]
+        named = [word for word in codes(walk) if "/" in word and not word.startswith(("src/", "htc"))]
+        assert len(named) > 7
+        asleep = [w for w in named if w not in entered | AT_THE_BENCH and not any(e.startswith(f"{w}/") for e in entered)]
+        assert not asleep, f"'{title}' names files that do nothing there"
+    kernel = [word for word in codes(prose(TEXT)) if word.startswith("src/kernel/")]
+    assert kernel
+    assert all((ROOT / word).is_file() for word in kernel)
+
+
+def test_decisions_are_listed_by_room() -> None:
+    for room in sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_"):
+        listed = re.findall(r"\]\(([\w-]+\.md)\)", about(room))
+        assert listed, room
+        assert all((ROOT / "docs" / "decisions" / name).is_file() for name in listed)
+    assert about().count("\n- ") == len([*(ROOT / "docs" / "decisions").glob("[0-9]*.md")])
+    with pytest.raises(SystemExit, match=r"no decisions are listed under 'networks'\. The names are: acquire, "):
+        about("networks")
 
 
 def lines(module: str) -> int:

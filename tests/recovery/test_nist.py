@@ -14,8 +14,7 @@ import pytest
 
 from thermid.errors import SolverError
 from thermid.fit.minimisation import Fit, covariances, minimise
-from thermid.fit.problem.residuals import Compressed, Sums
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Compressed, Sums, Unknown
 
 pytestmark = pytest.mark.recovery
 TABLES: dict[str, dict[str, Any]] = tomllib.loads((Path(__file__).parent / "nist.toml").read_text(encoding="utf-8"))

@@ -64,3 +64,15 @@ def test_a_command_without_its_optional_part_says_what_to_install(monkeypatch: p
         ThermidError, match=r"thermid studio needs the part thermid.studio.server, which is not installed. Install the whole"
     ):
         OnDemand("studio", COMMANDS["studio"]).loaded()
+
+
+def test_whether_values_moved_is_judged_without_the_library_of_statistics() -> None:
+    """It would take half a second of every `thermid calibrate`; `scipy.special` has the distribution."""
+    code = """
+import numpy as np
+from thermid.fit.uncertainty.moved import normal_together
+assert normal_together(np.array([3.0]), np.eye(1)).chance < 0.01
+assert "scipy.special" in sys.modules
+assert "scipy.stats" not in sys.modules
+"""
+    assert "scipy" in loaded(code)

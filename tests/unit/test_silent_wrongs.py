@@ -24,12 +24,12 @@ from thermid.reduction.macro import assumed, host_values
 from thermid.reporting.diagrams.diagram import STYLES, diagram
 from thermid.studio.project import Project
 from thermid.units import unit
+from unit.model.every_kind import firsts
 
 # every kind of element is drawn ------------------------------------------------------------------------------------------------------
 
 RISING = {"points": [["0 [degC]", "0.1 [W/K]"], ["60 [degC]", "0.3 [W/K]"]]}
-EXAMPLES: dict[str, dict[str, Any]] = {
-    "conduction": {"between": ["a", "b"], "conductance": "0.5 [W/K]"},
+EXAMPLES: dict[str, dict[str, Any]] = {kind: {**fields, "between": ["a", "b"]} for kind, fields in firsts().items()} | {
     "contact": {"between": ["a", "b"], "contact_conductance": "250 [W/(m^2 K)]", "area": "1 [cm^2]", "gap": "0.1 [mm]"},
     "convection": {"between": ["b", "air"], "htc": {"length": "3 [cm]", "orientation": "up"}, "area": "9 [cm^2]"},
     "gas": {"between": ["a", "b"], "area": "2 [cm^2]", "gap": "0.5 [mm]"},
@@ -41,15 +41,9 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     | {"fin_thickness": "1 [mm]", "fin_conductivity": "180 [W/(m K)]", "volume_flow": "100 [l/min]"},
     "lead": {"between": ["a", "walls"], "conductivity": "390 [W/(m K)]", "diameter": "1 [mm]", "length": "40 [cm]"}
     | {"htc": "5 [W/(m^2 K)]", "to": "air"},
-    "heat_pipe": {"between": ["a", "b"], "on_conductance": "5 [W/K]", "off_conductance": "0.1 [W/K]"}
-    | {"start_temperature": "40 [degC]", "transition": "4 [K]"},
-    "bolted": {"between": ["a", "b"], "count": 4, "conductance_each": "0.3 [W/K]"},
-    "wedge_lock": {"between": ["a", "b"], "count": 2, "length": "10 [cm]", "resistance_length": "0.006 [m K/W]"},
-    "spreading": {"between": ["a", "b"], "source_area": "1 [cm^2]", "plate_area": "20 [cm^2]", "thickness": "4 [mm]"}
-    | {"conductivity": "170 [W/(m K)]"},
     "table": {"between": ["a", "b"], "table": RISING},
 }
-"""One conductor of every kind."""
+"""One conductor of every kind; below stand those with ends or fields of their own."""
 
 
 def deck(conductors: dict[str, Any], **more: Any) -> td.Model:
@@ -68,7 +62,7 @@ def one_of_each() -> td.Model:
         "curve": {"into": "b", "table": {"points": [["0 [degC]", "1 [W]"], ["60 [degC]", "0.5 [W]"]]}},
     }
     skin = {"of": "a", "to": "air", "area": "0.02 [m^2]", "htc": "4 [W/(m^2 K)]", "emissivity": 0.8, "radiates_to": "walls"}
-    named = {f"k_{kind}": {"kind": kind, **fields} for kind, fields in EXAMPLES.items()}
+    named = {f"k_{kind}": {**fields, "kind": kind} for kind, fields in EXAMPLES.items()}
     return deck(named, loads=loads, surfaces={"skin": skin})
 
 

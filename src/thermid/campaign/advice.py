@@ -8,7 +8,7 @@ from thermid.errors import IdentificationError, SolverError, ThermidError
 from thermid.explain.mistakes import Mistakes, find_mistakes
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.request import Request
-from thermid.measure.record.codes import stray_readings
+from thermid.measure.record.channel import stray_readings
 
 AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
 """Kinds of mistakes that are seen in the log itself."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import DeckError, errors_at
-from thermid.fit.problem.unknowns import parameter_unknown
+from thermid.fit.problem.residuals import parameter_unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
 from thermid.knowledge.values import FittedValues, load_store, read_values, values_of

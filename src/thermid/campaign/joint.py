@@ -19,8 +19,7 @@ from thermid.fit.calibrate import fit_problem
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request, is_glob, matching
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Influence, Prior, Unknown
+from thermid.fit.problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.fit.uncertainty.moved import Moves, moves_from, part_of
 from thermid.knowledge.store import LeftOut, Store, graft
 from thermid.knowledge.values import FittedValue, FittedValues

@@ -560,8 +560,7 @@ def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
     """Return what failed verdicts on one stage make of it; None without any."""
     if not failed:
         return None
-    missed = [c for v in failed for c in v.checks if not c.passed]
-    first = max(missed, key=lambda c: c.found / c.limit)
+    first = max((c for v in failed for c in v.missed), key=lambda c: c.used)
     records = ", ".join(dict.fromkeys(v.record for v in failed))
     words = f"verdict on {records}: {first.sensor} {first.words}"
     return Standing("failed", words, failed[0].model, accepted)

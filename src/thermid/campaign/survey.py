@@ -17,7 +17,7 @@ from thermid.fit.inputs import Input, InputTable, inputs_of
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.inference.identifiability import Identifiability, identifiability, identifiability_of
-from thermid.measure.record.codes import stray_readings
+from thermid.measure.record.channel import stray_readings
 from thermid.model.tree.rules import Finding
 
 

@@ -14,7 +14,7 @@ from thermid.cli.screen import show, working
 from thermid.cli.summary import show_campaign
 from thermid.errors import ScenarioError
 from thermid.measure.readers.log_reader import read_record
-from thermid.measure.record.codes import without_strays
+from thermid.measure.record.record import without_strays
 from thermid.reporting.pages import campaign as page
 from thermid.start import improve as improved
 from thermid.start.examples import EXAMPLES, copy_example, example_named

@@ -85,7 +85,7 @@ def _top(made: Campaign) -> Iterator[str]:
     yield f"{made.title}: {counted(len(made.stages), 'stage')}{said}{synthetic}"
     checks = [(v, c) for v in judged for c in v.checks]
     if checks:
-        v, c = max(checks, key=lambda pair: pair[1].found / pair[1].limit)
+        v, c = max(checks, key=lambda pair: pair[1].used)
         yield f"worst hold-out sensor: {_check_text(c)}, in {v.record}"
     for name, asked in made.mistakes.items():
         yield from (f"{name}: {line}" for line in asked.lines())
@@ -120,20 +120,13 @@ def _value(v: FittedValue) -> Row:
 
 def _verdict_line(v: Verdict) -> str:
     """Return a verdict with the criterion that decides it."""
-    about = f" ({v.title})" if v.title else ""
     if v.passed is None:
-        return f"{v.model} on {v.record}{about}: NOT JUDGED; the record was not opened"
-    word = "PASSED" if v.passed else "FAILED"
-    if v.conditional:
-        word += f", conditional on {', '.join(v.fitted_locally)} fitted to this record"
-    if v.failed_before:
-        word += f", no longer independent: {counted(len(v.failed_before), 'failed verdict')} before"
-    missed = [c for c in v.checks if c.passed is False]
-    if not v.checks:
-        return f"{v.model} on {v.record}{about}: {word}"
-    c = max(missed or v.checks, key=lambda c: c.found / c.limit)
-    count = f"; {len(missed)} of {len(v.checks)} criteria not met" if missed else ""
-    return f"{v.model} on {v.record}{about}: {word}; {_check_text(c)}: {VERDICTS[c.passed]}{count}"
+        return f"{v.head}; the record was not opened"
+    before = f", no longer independent: {counted(len(v.failed_before), 'failed verdict')} before" if v.failed_before else ""
+    if (c := v.worst) is None:
+        return v.head + before
+    count = f"; {len(v.missed)} of {len(v.checks)} criteria not met" if v.missed else ""
+    return f"{v.head}{before}; {_check_text(c)}: {VERDICTS[c.passed]}{count}"
 
 
 def _last(made: Campaign, files: Sequence[str]) -> Iterator[str]:

@@ -18,8 +18,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import SCALE, role_and_target
 from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
+from thermid.fit.problem.residuals import Prior, Problem, Unknown, parameter_unknown
 from thermid.fit.uncertainty.groups import listed, percent
 from thermid.fit.uncertainty.noise import TraceNoise, answers_to_inputs, binned, score_excess
 from thermid.knowledge.store import Normal, Source

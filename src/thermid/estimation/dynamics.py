@@ -99,6 +99,7 @@ class Dynamics:
         self._raised = {
             p.target: self.wiring.structure.offset[self.wiring.network.boundaries.index(p.target)] for p in added if p.place == "boundary"
         }
+        self._raised_rows = tuple(self._added[target] for target in self._raised)
         self._csr = _units(tuple(self._raised.values()), first.coefficients.size)
         self.grid = self._grid()
         self.lengths = tuple(f"{seconds:.12g}" for seconds in np.diff(self.grid))
@@ -198,12 +199,7 @@ class Dynamics:
 
     def local(self, at: At, state: Array, time: float) -> RatesAt:
         """Return rates and Jacobian at a state (states,) and a time [s]."""
-        a, count = at.assembled, self.massive.size
-        coefficients = a.coefficients
-        if self._raised:
-            coefficients = coefficients.copy()
-            for target, place in self._raised.items():
-                coefficients[place] += state[self._added[target]]
+        count, coefficients = self.massive.size, self._raised_by(state, at)
         outer = np.zeros(len(self.nodes))
         into = np.zeros((len(self.nodes), self.size))
         for target, share in self._heated.items():
@@ -232,6 +228,44 @@ class Dynamics:
                 row = self._added[p.target]
                 rates[row], whole[row, row] = -state[row] / at.times[k], -1.0 / at.times[k]
         return RatesAt(rates, whole, temperatures, moves)
+
+    def rates(self, members: Sequence[At], states: Array, time: float) -> tuple[Array, Array]:
+        """Return rates (members, states) and their Jacobians (members, states, states) as `local` does, of many members at once."""
+        if self.massless.size:
+            found = [self.local(m, state, time) for m, state in zip(members, states, strict=True)]
+            return np.stack([one.rates for one in found]), np.stack([one.jacobian for one in found])
+        count = self.massive.size
+        rates, whole = np.zeros(states.shape), np.zeros((*states.shape, self.size))
+        for k, (at, state) in enumerate(zip(members, states, strict=True)):
+            heat, jacobian, slopes = self.problem.rhs(self._raised_by(state, at), state[:count], time, self._csr)
+            rates[k, :count], whole[k, :count, :count] = heat, jacobian
+            if slopes is not None:
+                whole[k, :count, list(self._raised_rows)] = slopes.T
+        outer = np.zeros((len(states), count))
+        for target, share in self._heated.items():
+            outer += share * states[:, self._added[target], None]
+            whole[:, :count, self._added[target]] += share
+        if self._heated:
+            rates[:, :count] += outer
+        capacity = np.stack([m.capacity for m in members])
+        rates[:, :count] /= capacity
+        whole[:, :count] /= capacity[:, :, None]
+        for k, p in enumerate(self.noises):
+            if p.has_state:
+                row = self._added[p.target]
+                for m, (at, state) in enumerate(zip(members, states, strict=True)):
+                    if np.isfinite(at.times[k]):
+                        rates[m, row], whole[m, row, row] = -state[row] / at.times[k], -1.0 / at.times[k]
+        return rates, whole
+
+    def _raised_by(self, state: Array, at: At) -> Array:
+        """Return the coefficients with the boundaries where a state puts them."""
+        coefficients = at.assembled.coefficients
+        if self._raised:
+            coefficients = coefficients.copy()
+            for target, place in self._raised.items():
+                coefficients[place] += state[self._added[target]]
+        return coefficients
 
     def course(self, at: At, about: Array, times: Array) -> Array:
         """Return the rates (times, states) of a linear network at a state (states,), at many times [s] at once."""

@@ -19,8 +19,7 @@ from thermid.estimation.outlook import OpenLoopScore, foresight, origins_of, out
 from thermid.estimation.process import ProcessNoise, read_process
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, priors_of
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem, Unknown
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure import Record

@@ -17,8 +17,7 @@ from thermid.errors import SolverError
 from thermid.estimation.dynamics import At, Dynamics
 from thermid.estimation.passing import Passing
 from thermid.estimation.process import ProcessNoise
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem, Unknown, prior_rows
 from thermid.linear_algebra import Array, Bools, variance
 
 DIFFERENCE: Final = 1e-4
@@ -118,19 +117,7 @@ class Likelihood:
 
     def priors(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of priors and their derivatives (residuals, unknowns). [-]"""
-        rows, slopes = [], []
-        for k, u in enumerate(self.unknowns):
-            if u.prior is not None:
-                row = np.zeros(len(self.unknowns))
-                row[k] = 1.0 / u.prior.sd
-                rows.append((fitted[k] - u.prior.mean) / u.prior.sd)
-                slopes.append(row)
-        for places, mean, root in self.problem.coupled:
-            part = np.zeros((root.shape[0], len(self.unknowns)))
-            part[:, places] = root
-            rows += list(root @ (fitted[places] - mean))
-            slopes += list(part)
-        return np.array(rows), np.array(slopes).reshape(len(rows), len(self.unknowns))
+        return prior_rows(self.unknowns, self.problem.coupled, fitted)
 
     def losses(self, members: Sequence[Array]) -> Array:
         """Return minus the log-likelihood with priors (members,); infinite where a run breaks off."""

@@ -97,16 +97,14 @@ class Passing:
     def _bent_step(self, belief: Belief, begin: float, end: float, halvings: int = 0) -> tuple[Belief, list[FilterStep]]:
         """Return the belief a step later and the legs to it, in halves where the rates bend too much."""
         d, seconds = self.dynamics, end - begin
-        here = [d.local(m, state, begin) for m, state in zip(self.members, belief.mean, strict=True)]
         late = end - MOMENT * seconds
-        there = [d.local(m, state, late) for m, state in zip(self.members, belief.mean, strict=True)]
-        rates, jacobian = np.stack([one.rates for one in here]), np.stack([one.jacobian for one in here])
-        rise = np.stack([one.rates for one in there]) - rates
+        rates, jacobian = d.rates(self.members, belief.mean, begin)
+        rise = d.rates(self.members, belief.mean, late)[0] - rates
         _, start, slope = responses(jacobian, seconds)
         change = np.einsum("mij,mj->mi", start, rates) + np.einsum("mij,mj->mi", slope, rise)
         mean = belief.mean + change
         foreseen = rates + rise + np.einsum("mij,mj->mi", jacobian, change)
-        found = np.stack([d.local(m, state, late).rates for m, state in zip(self.members, mean, strict=True)])
+        found, _ = d.rates(self.members, mean, late)
         missed = float(np.abs((found - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
         if not np.isfinite(missed) or (missed > BENT and halvings < HALVINGS):
             if halvings >= HALVINGS:
@@ -117,11 +115,7 @@ class Passing:
             return whole, [*legs, *more]
         # the rates bend quadratically; two thirds of what was missed stands in the mean
         mean = mean + np.einsum("mij,mj->mi", slope, found - foreseen) * (2.0 / 3.0)
-        root = step(
-            0.5 * (jacobian + np.stack([d.local(m, s, late).jacobian for m, s in zip(self.members, mean, strict=True)])),
-            self.noise,
-            seconds,
-        )
+        root = step(0.5 * (jacobian + d.rates(self.members, mean, late)[1]), self.noise, seconds)
         return moved(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
 
     def ahead(self, belief: Belief, place: int) -> tuple[Belief, tuple[FilterStep, ...]]:

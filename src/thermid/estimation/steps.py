@@ -19,6 +19,8 @@ from thermid.linear_algebra import Array
 SHORT: Final = 0.5
 """Largest norm of A h over which Gauss's rule is taken; ten points are then exact to rounding."""
 POINTS: Final = 10
+GAUSS: Final = np.polynomial.legendre.leggauss(POINTS)
+"""Points and weights of Gauss's rule on -1 to 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +107,7 @@ def noise_root(rates: Array, noise: Array, seconds: float) -> Array:
     size = float(np.abs(rates).sum(axis=2).max()) * seconds
     halvings = max(0, int(np.ceil(np.log2(size / SHORT)))) if size > SHORT else 0
     short = seconds / 2**halvings
-    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    points, weights = GAUSS
     moves = exponential(rates[None] * (0.5 * short * (1.0 + points))[:, None, None, None])
     parts = moves @ noise * np.sqrt(0.5 * short * weights)[:, None, None, None]
     root = lower(np.concatenate(list(parts), axis=2))

@@ -618,7 +618,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
     name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
-    size = SMALL * place.loss or 1e-3
+    size = SMALL * (place.loss or 1.0)
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
     curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     make = _adding(
@@ -638,7 +638,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
     driven = [n for r in request.records for n, c in r.channels.items() if c.role in ("command", "load")]
     if not driven or not all(r.times.size > 20 for r in request.records):
         return
-    step = float(np.median(np.diff(request.records[0].times)))
+    step = request.records[0].step
 
     def later(delay: float) -> Callable[[Request], Request]:
         def make(request: Request) -> Request:

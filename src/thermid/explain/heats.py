@@ -14,7 +14,7 @@ from thermid.explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Unknown
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import TableSignal
@@ -396,7 +396,7 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tup
 def _stretch(request: Request, heat: Heat) -> MissingElement:
     """Return a constant power in the window of a heat."""
     cycle = {"times": [f"{t!r} [s]" for t in (0.0, *heat.window)], "values": [0.0, 1.0, 0.0], "hold": True, "period": ONE_TURN}
-    load = watts(heat.name, power={"value": "0.1 [W]", "min": -1e6}, cycle=cycle)
+    load = watts(heat.name, power={"value": "0.1 [W]", "min": -np.inf}, cycle=cycle)
 
     def make(request: Request) -> Request:
         return replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))

@@ -14,8 +14,7 @@ from thermid.errors import SolverError
 from thermid.fit.problem.experiment import Observation
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Prior, Unknown
+from thermid.fit.problem.residuals import Prior, Problem, Unknown
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import parameter_table
@@ -300,16 +299,15 @@ class RoughFit:
             x = np.clip(here.x + np.clip(step, -STEP, STEP), low, high)
             try:
                 there = self.at(x)
+                gain = here.cost - there.cost
             except SolverError:
-                damping = max(10.0 * damping, 1e-2)
-                continue
-            gain = here.cost - there.cost
+                gain = 0.0
             if gain > 0.0:
                 here, damping = there, 0.2 * damping
                 if gain < 1e-2 + 1e-4 * here.cost:
                     break
             else:
-                damping = max(8.0 * damping, 1e-4)
+                damping = max(10.0 * damping, 1e-2)
                 if damping > 1e6:
                     break
         return here

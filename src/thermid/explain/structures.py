@@ -26,8 +26,7 @@ from thermid.explain.candidates import Fitted, MissingElement, changes_of
 from thermid.fit.minimisation import Fit, minimise
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Problem, loss_of
-from thermid.fit.problem.unknowns import Prior, Unknown, starting_point
+from thermid.fit.problem.residuals import Prior, Problem, Unknown, loss_of, starting_point
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.measure.record.channel import BoolArray
@@ -119,7 +118,9 @@ class FittedStructure:
 
     def judged(self) -> list[tuple[str, bool]]:
         """Return what each change found, in words, and whether that is physically possible."""
-        found = {p: _Plain(v, self._error(p)) for p, v in self.values.items()}
+        errors, pairs = self.errors(), zip(self.problem.unknowns, self.end.fitted, strict=True)
+        slopes = {u.name: u.slope(float(x)) for u, x in pairs if u.kind == "parameter"}
+        found = {p: _Plain(v, float(slopes[p] * errors[p])) for p, v in self.values.items()}
         return [c.judge(found) for c in self.changes]
 
     @property
@@ -127,14 +128,16 @@ class FittedStructure:
         """Whether every change has a value that hardware has."""
         return all(possible for _, possible in self.judged())
 
-    def _error(self, path: str) -> float:
-        place = next(k for k, u in enumerate(self.problem.unknowns) if u.name == path)
-        rows = np.concatenate([self.end.jacobian, self.end.priors])
+    def errors(self, free: Sequence[str] | None = None) -> dict[str, float]:
+        """Return path -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
+        kept = [k for k, u in enumerate(self.problem.unknowns) if u.kind != "parameter" or free is None or u.name in free]
+        rows = np.concatenate([self.end.jacobian, self.end.priors])[:, kept]
         scale = np.linalg.norm(rows, axis=0)
         scale[scale == 0.0] = 1.0
         inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), hermitian=True)
-        slope = self.problem.unknowns[place].slope(float(self.end.fitted[place]))
-        return float(slope * np.sqrt(max(inverse[place, place], 0.0)) / scale[place])
+        sizes = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
+        unknowns = [self.problem.unknowns[k] for k in kept]
+        return {u.name: float(s) for u, s in zip(unknowns, sizes, strict=True) if u.kind == "parameter"}
 
     @property
     def rmse(self) -> float:

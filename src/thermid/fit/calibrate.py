@@ -21,8 +21,7 @@ from thermid.fit.minimisation import Fit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
-from thermid.fit.problem.residuals import Predictions, Problem, pooled, wanders
-from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit.search import Progress, searched
 from thermid.fit.second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
@@ -34,7 +33,7 @@ from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.measure import Record
 from thermid.measure.amounts import short, some
-from thermid.measure.record.codes import stray_readings
+from thermid.measure.record.channel import stray_readings
 from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree.identity import identity_of

@@ -20,8 +20,7 @@ from thermid.errors import IdentificationError
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.request import key_for
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Problem, Unknown
 from thermid.fit.regime_runs import regimes_of
 from thermid.fit.regimes import KEY as REGIMES
 from thermid.fit.uncertainty.noise import Autocorrelation, Binned, answers_to_inputs, autocorrelation_of_traces, binned, score_excess

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.fit.problem.experiment import Experiment, role_and_target
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Unknown
 from thermid.measure import Channel
 from thermid.measure.amounts import short
 from thermid.model.laws.signal import Signal

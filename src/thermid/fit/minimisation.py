@@ -14,8 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from thermid.errors import IdentificationError, SolverError, refuse_unknown
-from thermid.fit.problem.residuals import FAILED, Compressed, Sums
-from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.problem.residuals import FAILED, Compressed, Sums, Unknown, starting_point
 from thermid.linear_algebra import NOTHING, Array, covariance, finite, sandwich
 from thermid.units import counted
 

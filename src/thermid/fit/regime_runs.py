@@ -18,8 +18,7 @@ from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import SCALE, Experiment, of_a_sensor
 from thermid.fit.problem.gather import wired
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Problem, Unknown
 from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
 from thermid.fit.uncertainty.noise import stretch_means
 from thermid.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from thermid.errors import IdentificationError, SolverError, ThermidWarning, refuse_unknown, spoken
 from thermid.extensions import optional
 from thermid.fit.minimisation import Fit, ended, minimise
-from thermid.fit.problem.residuals import Problem, loss_of
-from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.problem.residuals import Problem, Unknown, loss_of, starting_point
 from thermid.fit.uncertainty.noise import autocorrelation
 from thermid.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.simulation.ensemble import run_members
@@ -442,7 +441,7 @@ class _Members:
         return costs
 
 
-def evolved(population: Population, how: str, seed: int = 1, stoppable: bool = False) -> Evolved:
+def evolved(population: Population, how: str, stoppable: bool = False) -> Evolved:
     """Return the best member of a population that evolved over the box.
 
     Differential evolution: Storn and Price, J. Global Optim. 11 (1997) 341, in scipy. Covariance matrix adaptation: Hansen, arXiv
@@ -450,7 +449,7 @@ def evolved(population: Population, how: str, seed: int = 1, stoppable: bool = F
     """
     members = _Members(population)
     try:
-        share, cost = (_differential if how == "differential evolution" else _adapted)(members, seed)
+        share, cost = (_differential if how == "differential evolution" else _adapted)(members)
     except KeyboardInterrupt:
         if not stoppable or not members.count:
             raise
@@ -458,7 +457,7 @@ def evolved(population: Population, how: str, seed: int = 1, stoppable: bool = F
     return Evolved(share, cost, members.count)
 
 
-def _differential(members: _Members, seed: int) -> tuple[Array, float]:
+def _differential(members: _Members) -> tuple[Array, float]:
     from scipy.optimize import Bounds, differential_evolution
 
     population = members.population
@@ -476,19 +475,19 @@ def _differential(members: _Members, seed: int) -> tuple[Array, float]:
         tol=1e-4,
         atol=1e-3,
         maxiter=GENERATIONS,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(1),
         x0=population.share(population.start),
     )
     return np.asarray(found.x), float(found.fun)
 
 
-def _adapted(members: _Members, seed: int) -> tuple[Array, float]:
+def _adapted(members: _Members) -> tuple[Array, float]:
     cma = optional("cma", "covariance matrix adaptation")
     size = members.population.at.size
     if size == 1:
         raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")
     # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
-    options = {"bounds": [0.0, 1.0], "seed": seed, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
+    options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
     strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)
     while not strategy.stop():
         asked = strategy.ask()

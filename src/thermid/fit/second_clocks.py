@@ -21,8 +21,7 @@ from thermid.fit.minimisation import Fit, covariances, minimise
 from thermid.fit.problem.experiment import OFFSET, SCALE, Experiment, Ticks
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
-from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, as_triangle, clock_at, loss_of
-from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, Unknown, as_triangle, clock_at, loss_of, starting_point
 from thermid.fit.uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
 from thermid.linear_algebra import Array
 from thermid.measure import Record

@@ -16,8 +16,7 @@ from thermid.fit.inputs import InputTable, input_lines, inputs_of
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown, starting_point
+from thermid.fit.problem.residuals import Problem, Unknown, starting_point
 from thermid.fit.uncertainty.groups import Group, listed, percent, practical_groups, structural_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.linear_algebra import Array

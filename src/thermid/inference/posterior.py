@@ -13,8 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.extensions import optional
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.residuals import Compressed, Problem, wanders
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Compressed, Problem, Unknown, wanders
 from thermid.fit.search import box_of
 from thermid.linear_algebra import Array, covariance
 from thermid.results import Result, Row

@@ -12,8 +12,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import minimise
-from thermid.fit.problem.residuals import Compressed, Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Compressed, Problem, Unknown
 from thermid.inference.identifiability import Identifiability
 from thermid.linear_algebra import Array, covariance
 from thermid.results import PlottedTrace, Result

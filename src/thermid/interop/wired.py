@@ -365,15 +365,21 @@ def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: 
     coefficients : sequence of str  Those of the row; each binds as strongly as a product.
     a, b : str                      Temperatures of the ends. [K]
     read : callable                 Table, and where it is read -> text.
+
+    Raises
+    ------
+    DeckError   When the law has no such text.
     """
     first, *rest = coefficients
+    if row.form in ("linear", "flow", "potential"):  # of a potential, what its integrals are multiplied by
+        return first
     if row.form == "power":
         return f"{first}*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
     if row.form == "radiation":
         return f"{first}*({a}^2 + {b}^2)*({a} + {b})"
     if row.form == "table" and row.curve is not None:
         return f"{first}*{read(row.curve, f'{a} - {b}' if row.curve.over == 'difference' else f'({a} + {b})/2')}"
-    return first
+    raise DeckError(f"'{row.name}' is of a form that is not written to this format: {row.form}. Export an FMU, which has every law.")
 
 
 def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
@@ -401,12 +407,16 @@ def one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def identifiers(paths: Iterable[str], longest: int = 50, caseless: bool = False) -> dict[str, str]:
+LONGEST = 50
+"""Letters of a path that a word keeps."""
+
+
+def identifiers(paths: Iterable[str], caseless: bool = False) -> dict[str, str]:
     """Return path -> a word of letters, digits and ``_`` that begins with a letter, no two alike; `caseless` without capitals."""
     out: dict[str, str] = {}
     taken: set[str] = set()
     for path in paths:
-        word = re.sub(r"\W", "_", path)[:longest]
+        word = re.sub(r"\W", "_", path)[:LONGEST]
         word = word if word[0].isalpha() else f"x{word}"
         name, k = word, 1
         while (name.lower() if caseless else name) in taken:

@@ -245,6 +245,11 @@ class Check(Renamed):
         return None if self.mark == "memory" else self.met
 
     @property
+    def used(self) -> float:
+        """How much of the limit is used, 1 where it is reached. [-]"""
+        return self.found / self.limit
+
+    @property
     def title(self) -> str:
         """What people call the criterion at one sensor."""
         return "deviation" if self.criterion == "each" else metric(self.criterion).title

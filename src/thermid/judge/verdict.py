@@ -138,18 +138,33 @@ class Verdict(Result):
         return not self.failed_before
 
     @property
+    def missed(self) -> tuple[Check, ...]:
+        """The criteria that are not met; one that decides nothing is none of them."""
+        return tuple(c for c in self.checks if c.passed is False)
+
+    @property
+    def worst(self) -> Check | None:
+        """The criterion that uses most of its limit, of those that are not met where there are any; None where none was judged."""
+        return max(self.missed or self.checks, key=lambda c: c.used, default=None)
+
+    @property
     def conditional(self) -> bool:
         """Whether anything was fitted to the record that it judges."""
         return bool(self.fitted_locally)
 
+    @property
+    def head(self) -> str:
+        """The verdict in words, without its criteria."""
+        about = f" ({self.title})" if self.title else ""
+        word = "NOT JUDGED" if self.passed is None else "PASSED" if self.passed else "FAILED"
+        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
+        return f"{self.model} on {self.record}{about}: {word}{condition}"
+
     def __str__(self) -> str:
         """Return the verdict as text, criterion by criterion."""
-        about = f" ({self.title})" if self.title else ""
         if self.passed is None:
-            return f"{self.model} on {self.record}{about}: NOT JUDGED; the record was not read. {self.standing.line(self.model)}"
-        word = "PASSED" if self.passed else "FAILED"
-        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
-        lines = [f"{self.model} on {self.record}{about}: {word}{condition}"]
+            return f"{self.head}; the record was not read. {self.standing.line(self.model)}"
+        lines = [self.head]
         if self.failed_before:
             first = self.failed_before[0]
             lines.append(
@@ -163,6 +178,17 @@ class Verdict(Result):
         return "\n".join(lines)
 
     _frame_of_rows = True
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict as JSON holds it."""
+        plain: dict[str, Any] = {k: getattr(self, k) for k in ("model", "record", "title", "passed", "conditional", "unseen")}
+        return plain | {
+            "standing": self.standing.to_dict(self.model),
+            "fitted_locally": list(self.fitted_locally),
+            "sensors": {n: s.to_dict() for n, s in self.statistics.items()},
+            "checks": self._as_rows(),
+            "bands": self.bands.to_dict() if self.bands is not None else None,
+        }
 
     def _as_rows(self) -> list[Row]:
         """Return the criteria."""

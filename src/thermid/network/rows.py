@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -111,6 +112,14 @@ def conductance(form: str, coefficients: Sequence[Any], curve: Curve | None, hot
     flow, slope, *_ = _evaluated(form, coefficients, curve, hot, cold)
     apart = np.broadcast_to(hot - cold, flow.shape)
     return np.asarray(np.where(apart != 0.0, flow / np.where(apart != 0.0, apart, 1.0), slope))
+
+
+@cache
+def same_both_ways(form: str) -> bool:
+    """Return whether a law without tables is the same from its second end to its first: exchanged ends change the sign of its heat only."""
+    hot, cold = np.array([310.0, 290.0]), np.array([290.0, 310.0])
+    there, back = heat(form, (1.0, 0.3)[: CONDUCTORS[form].coefficients], None, hot, cold)
+    return bool(np.isclose(there, -back, rtol=1e-9))
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,7 @@ def recovered(request: Request, name: str, into: str, *, shapes: Sequence[str] =
     """
     refuse_unknown(shapes, SHAPES, f"course {name}", "unknown shape '{}' of a course. Use one of {known}.", IdentificationError)
     span = min(float(np.ptp(r.times)) for r in request.records)
-    step = max(float(np.median(np.diff(r.times))) for r in request.records)
+    step = max(r.step for r in request.records)
     tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power), 3.0 * step, 0.5 * span) for s in shapes]
     cost, course = min(tried, key=lambda each: each[0])
     if not np.isfinite(cost):

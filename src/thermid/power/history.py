@@ -14,8 +14,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request, priors_of
-from thermid.fit.problem.residuals import Problem, SensorTrace
-from thermid.fit.problem.unknowns import Influence, Unknown
+from thermid.fit.problem.residuals import Influence, Problem, SensorTrace, Unknown
 from thermid.fit.uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.linear_algebra import NOTHING, Array, Bools, quadratic_forms
 from thermid.linear_algebra import covariance as information_inverse
@@ -449,7 +448,7 @@ def power_history(
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
         raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
-    usual = _usual_step(record)
+    usual = max(record.duration / KNOTS, record.step)
     step = literal(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
@@ -483,11 +482,6 @@ def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
         "power, or free fewer parameters.",
         where,
     )
-
-
-def _usual_step(record: Record) -> float:
-    """Return the default spacing of the knots. [s]"""
-    return max(float(record.times[-1] - record.times[0]) / KNOTS, float(np.median(np.diff(record.times))))
 
 
 def _plain(model: Model, load: str) -> tuple[str, Model]:

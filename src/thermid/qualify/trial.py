@@ -516,7 +516,7 @@ def _missing(times: Array, begin: float, end: float) -> tuple[float, float, floa
     return float(sum(g for g, _ in gaps)), float(longest), float(start)
 
 
-def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str], tolerance: float = LEVEL) -> Iterator[str]:
+def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]) -> Iterator[str]:
     """Yield which planned level of a boundary the log does not show, on either side.
 
     What counts is the time spent within the tolerance of the planned extreme, or beyond it.
@@ -526,7 +526,6 @@ def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]
     record : Record         The log.
     planned : Solution      The test as it was planned.
     boundaries : dict       Column -> boundary that it drives.
-    tolerance : float       [K]
     """
     for column, boundary in boundaries.items():
         channel, trace = record[column], planned[boundary]
@@ -534,13 +533,13 @@ def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]
         inside = times <= trace.times[-1]
         for word, sign in (("hot", 1.0), ("cold", -1.0)):
             level = float((sign * trace.kelvin).max())
-            wanted = _time_above(trace.times, sign * trace.kelvin, level - tolerance)
-            spent = _time_above(times[inside], sign * values[inside], level - tolerance)
+            wanted = _time_above(trace.times, sign * trace.kelvin, level - LEVEL)
+            spent = _time_above(times[inside], sign * values[inside], level - LEVEL)
             if spent < THERE * wanted:
                 furthest = sign * float((sign * values).max()) - ICE_POINT
                 yield (
                     f"the {word} level of '{boundary}', {sign * level - ICE_POINT:.1f} degC for {duration_text(wanted)}, was not applied: "
-                    f"{column} goes to {furthest:.1f} degC and is within {tolerance:g} K of it for {duration_text(spent)}"
+                    f"{column} goes to {furthest:.1f} degC and is within {LEVEL:g} K of it for {duration_text(spent)}"
                 )
 
 

@@ -293,8 +293,8 @@ def steady_levels_of_block(block: Block, scenario: Scenario, most: int) -> tuple
 
 def _powers(block: Block, scenario: Scenario) -> dict[str, Signal]:
     """Return heater -> its power. [W]"""
-    given, commands = scenario.loads, scenario.commands
-    return {n: multiplied(given.get(n, h.power), commands.get(n, Constant(1.0))) for n, h in block.heaters.items()}
+    loads, commands = scenario.loads, scenario.commands
+    return {n: multiplied(loads.get(n, h.power), commands.get(n, Constant(1.0))) for n, h in block.heaters.items()}
 
 
 def _courses(block: Block, scenario: Scenario) -> dict[str, Signal]:

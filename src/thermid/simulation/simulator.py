@@ -227,13 +227,10 @@ class Simulator:
         NameNotFoundError   When values are given for a name that is not free.
         ScenarioError       When the names do not have equally many values.
         """
-        given = {_free_name(self._wiring.network, name): value for name, value in draws.items()}
-        refuse_unknown(
-            given, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
-        )
-        if len(given) < len(draws):
+        values = self._by_free_name(draws)
+        if len(values) < len(draws):
             raise ScenarioError("one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title)
-        return run_members(self._engine, given, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
+        return run_members(self._engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
 
     def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
@@ -280,11 +277,16 @@ class Simulator:
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """Return the values (free,) in the order of `free`. [SI]"""
-        point = {_free_name(self._wiring.network, name): value for name, value in values.items()}
-        refuse_unknown(
-            point, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
-        )
+        point = self._by_free_name(values)
         return np.array([point.get(name, self.nominal[name]) for name in self.free])
+
+    def _by_free_name(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the names under which they are free."""
+        named = {_free_name(self._wiring.network, name): value for name, value in values.items()}
+        refuse_unknown(
+            named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
+        )
+        return named
 
 
 @takes_objects

@@ -221,10 +221,10 @@ class Run:
 
     def time_constants(self, temperatures: Array) -> Array:
         """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
-        known = dict(zip(self.all_nodes(), temperatures, strict=True))
-        known |= {n: self.answer.final[self.engine.nodes.index(n)] for n in self.assembled.reduced.controllers}
-        at = np.array(self.assembled.reduced.states(known), dtype=float)
-        return self.engine.time_constants(self.assembled, at, self.answer.end)
+        by_node = dict(zip(self.all_nodes(), temperatures, strict=True))
+        by_node |= {n: self.answer.final[self.engine.nodes.index(n)] for n in self.assembled.reduced.controllers}
+        states = np.array(self.assembled.reduced.states(by_node), dtype=float)
+        return self.engine.time_constants(self.assembled, states, self.answer.end)
 
     def flows(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return conductor -> heat flow (times,). [W]"""
@@ -309,10 +309,10 @@ class Run:
         weighed = {n: c for n, c in reduced.capacitances.items() if n not in reduced.controllers}
         capacities = np.array([value_of(weighed.get(n) or 0.0) for n in reduced.nodes])
         stored = float(capacities @ (answer.final - answer.initial))
-        seen = np.vstack((answer.initial, answer.temperatures, answer.final))
+        states = np.vstack((answer.initial, answer.temperatures, answer.final))
         # heat that only passes through, from one boundary to another, is heat that the integrator handled too
         gross = max(float(np.abs(part).sum()) for part in (answer.load_energy, answer.boundary_energy, answer.flow_energy))
-        size = max(gross, float(capacities @ np.ptp(seen, axis=0)), 1e-300)
+        size = max(gross, float(capacities @ np.ptp(states, axis=0)), 1e-300)
         residual = loads - boundaries - stored
         return HeatBalance(loads, boundaries, stored, residual, abs(residual) / size)
 
@@ -470,7 +470,7 @@ class Solution(Result):
     def modes(self) -> dict[str, tuple[str, ...]]:
         """Control with modes -> its mode (times,); of a thermostat off and on."""
         names = {row.name: row.modes for row in self._run.assembled.numbers.controls}
-        return {name: tuple(names[name][int(k)] for k in found) for name, found in self._run.modes(self.times).items()}
+        return {name: tuple(names[name][int(k)] for k in numbers) for name, numbers in self._run.modes(self.times).items()}
 
     def sensitivity(self, node: str, name: str) -> Array:
         """Return the derivative (times,) of a node's temperature with respect to a free name. [K per SI unit]

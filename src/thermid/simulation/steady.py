@@ -110,10 +110,10 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
         return _over_a_period(model, asked, wiring.cycle)
     problem = KernelProblem(wiring.stilled() if kind else wiring)
     a = wiring.assemble()
-    found, _, on = at_rest(problem, a, instant)
-    traces = Traces(problem.wiring, a, np.array([instant]), problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
+    state, _, on = at_rest(problem, a, instant)
+    traces = Traces(problem.wiring, a, np.array([instant]), problem.nodes, state[None, :], np.zeros((1, state.size, 0)))
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
-    heat = _heat(problem, a, found, on, temperatures, instant)
+    heat = _heat(problem, a, state, on, temperatures, instant)
     if kind:
         span, said = held_means(wiring.changing, wiring.cycle, asked)
         return Steady(temperatures, f"mean inputs over {span}", (said,) if said else (), heat=heat)
@@ -126,10 +126,10 @@ def _heat(
 ) -> HeatMap:
     """Return where the heat goes at temperatures [K] with the inputs of one instant [s]."""
     wiring, times = problem.wiring, np.array([instant])
-    known = {n: np.array([t]) for n, t in temperatures.items()}
-    every = {**known, **{n: state[[problem.nodes.index(n)]] for n in a.reduced.controllers}}
+    traces = {n: np.array([t]) for n, t in temperatures.items()}
+    every = {**traces, **{n: state[[problem.nodes.index(n)]] for n in a.reduced.controllers}}
     modes = dict(zip(problem.control_names, on[:, None].astype(float), strict=True))
-    flows = wiring.conductor_flows(a.numbers, known, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
+    flows = wiring.conductor_flows(a.numbers, traces, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
     # a store has a state of its own, its enthalpy, beside the temperatures
     columns = [*state.tolist(), *(temperatures[n] for n in wiring.network.boundaries)]
     powers = problem.powers(a, np.array([columns]), times, on[None, :] if (on >= 0).any() else None)

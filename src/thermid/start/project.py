@@ -132,17 +132,17 @@ def settled(one: FittedStructure) -> tuple[Request, tuple[str, ...], tuple[str, 
     is fixed where the search found it, until the rest is known to better than a factor of e. What a full fit refuses after that is fixed
     too.
     """
-    slight = _slight(one, errors_of(one))
+    slight = _slight(one, one.errors())
     model = _without(one.request.model, slight)
     texts = {n: parameter(f"{v:.4g} [{u}]", n) for n, (v, u) in _values(one).items() if n.partition(".")[0] not in slight}
     model = model.with_values(texts, "thermid init")
     free = [n for n in one.request.free if n.partition(".")[0] not in slight]
     fixed: list[str] = []
-    sizes = errors_of(one, free)
+    sizes = one.errors(free)
     while free and max(sizes[n] for n in free) > LOOSELY:
         fixed.append(max(free, key=lambda n: sizes[n]))
         free.remove(fixed[-1])
-        sizes = errors_of(one, free)
+        sizes = one.errors(free)
     request = replace(one.request, model=model, free=tuple(free), name="first fit")
     for name in sorted(free, key=lambda n: -sizes[n]):
         try:
@@ -154,18 +154,6 @@ def settled(one: FittedStructure) -> tuple[Request, tuple[str, ...], tuple[str, 
         except ThermidError:
             break
     return request, tuple(fixed), tuple(slight)
-
-
-def errors_of(one: FittedStructure, free: Sequence[str] | None = None) -> dict[str, float]:
-    """Return path -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
-    kept = [k for k, u in enumerate(one.problem.unknowns) if u.kind != "parameter" or free is None or u.name in free]
-    rows = np.concatenate([one.end.jacobian, one.end.priors])[:, kept]
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), hermitian=True)
-    sizes = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
-    unknowns = [one.problem.unknowns[k] for k in kept]
-    return {u.name: float(s) for u, s in zip(unknowns, sizes, strict=True) if u.kind == "parameter"}
 
 
 def _values(one: FittedStructure) -> dict[str, tuple[float, str]]:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from thermid.errors import NameNotFoundError, refuse_unknown
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import attached, corrected
-from thermid.fit.problem.residuals import Bench, Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Bench, Problem, Unknown
 from thermid.linear_algebra import Array
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Entry, parameter_table
@@ -186,17 +184,7 @@ class Desk:
         if self.problem is None:
             return model, self.scenarios[run]
         fitted = self._fitted(values)
-        experiment = self.problem.bench(run, fitted).experiment
-        inputs = self._inputs(run, fitted)
-        scenario = corrected(experiment.scenario, inputs)
-        driven = [b for b in experiment.network.boundaries if b not in experiment.network.flat.names.boundaries]
-        if driven:
-            kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
-            scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
-        if not sensors:
-            return model, replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in experiment.tips})
-        lags = {o.lag: f"{inputs[o.lag]!r} [s]" for o in experiment.observations if o.lag in inputs}
-        return attached(model, experiment.record)[0].with_values(lags, "fitted"), scenario
+        return self.problem.bench(run, fitted).experiment.as_fitted(model, self._inputs(run, fitted), sensors)
 
     def moment(self, values: Mapping[str, float], run: int, time: float) -> Moment:
         """Return temperatures, heat flows and powers at a time of one run. [s]"""

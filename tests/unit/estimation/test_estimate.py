@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 import thermid as td
 from thermid.errors import IdentificationError, ThermidError
 from thermid.estimation.estimation import Estimation
+from thermid.estimation.likelihood import Likelihood
+from thermid.fit.problem.residuals import Prior, Unknown
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import model_from_dict
 from unit.fit.bench import box, log
@@ -167,3 +170,14 @@ def test_a_start_of_a_boundary_is_no_state() -> None:
     model, record = small()
     with pytest.raises(IdentificationError, match="is a boundary without noise"):
         td.inference.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, start_sd={"air": "1 [K]"})
+
+
+def test_an_instrument_that_stages_below_found_counts_once() -> None:
+    """What they found of its error holds its accuracy: the two would be one piece of knowledge, twice."""
+    prior = Prior(0.0, 0.5)
+    unknowns = (Unknown("plate.mass", "parameter", (), 1.0, prior=prior), Unknown("sensor T", "sensor", (), 0.0, prior=prior))
+    coupled = ((np.array([1]), np.array([0.3]), np.array([[4.0]])),)
+    likelihood = SimpleNamespace(unknowns=unknowns, problem=SimpleNamespace(coupled=coupled))
+    rows, slopes = Likelihood.priors(likelihood, np.array([1.0, 0.2]))  # type: ignore[arg-type]
+    assert rows == pytest.approx([2.0, 4.0 * (0.2 - 0.3)])
+    assert slopes == pytest.approx(np.array([[2.0, 0.0], [0.0, 4.0]]))

@@ -139,3 +139,26 @@ def test_a_linear_network_is_the_same_by_both_ways() -> None:
     exact = found.losses([found.start])
     found.dynamics[0].linear = False
     assert found.losses([found.start]) == pytest.approx(exact, rel=1e-9)
+
+
+def test_rates_of_many_members_are_those_of_each(log: tuple[Array, Array, Array]) -> None:
+    """With what noises of every place and kind add, at two states; to the last digit."""
+    times, read, _ = log
+    record = Record.from_arrays("hot", times, {"plate": Channel.of("plate", read, column="plate", noise=0.1)})
+    scenario = Scenario("hot", boundaries={"room": "20 [degC]"}, initial={"plate": "21 [degC]", "core": "23 [degC]"})
+    problem = build_problem(Request(model(), (record,), (), {"*": scenario}, name="hot", fit_start=False))
+    several = {
+        "room": {"kind": "gauss-markov", "size": "0.5 [K]", "time": "2 [h]"},
+        "core": {"kind": "gauss-markov", "size": "0.3 [W]", "time": "1 [h]"},
+        "heater": "0.01 [W/s^0.5]",
+        "plate": "0.01 [K/s^0.5]",
+    }
+    noises = read_process(several, problem.experiments[0].network, "hot")
+    likelihood = likelihood_of(problem, noises, {"plate": 1.0, "core": 3.0})
+    dynamics, passing = likelihood.dynamics[0], likelihood.passing(0, [likelihood.start, likelihood.start])
+    states = passing.start().mean + np.random.default_rng(1).normal(0.0, 3.0, (2, dynamics.size))
+    rates, jacobians = dynamics.rates(passing.members, states, 30.0)
+    each = [dynamics.local(m, state, 30.0) for m, state in zip(passing.members, states, strict=True)]
+    assert np.array_equal(rates, [one.rates for one in each])
+    assert np.array_equal(jacobians, [one.jacobian for one in each])
+    assert (np.abs(jacobians[0]).sum(axis=0) > 0.0).all()  # each state, those of the noises among them, acts on a rate

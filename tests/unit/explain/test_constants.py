@@ -12,11 +12,13 @@ from scipy import stats
 
 import thermid as td
 from thermid.dual import value_of
-from thermid.explain.candidates import faults_of, missing_elements
+from thermid.explain.candidates import changes_of, faults_of, missing_elements
 from thermid.explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, modes_of, periodogram, trace_likelihood
 from thermid.explain.diagnosis import Diagnosis, Suspect
 from thermid.explain.plausibility import RangeCheck
 from thermid.fit.calibration import Calibration
+from thermid.fit.problem.request import Request
+from thermid.model.laws.signal import TableSignal
 from thermid.network.network import compile_network
 from thermid.physics.materials import MATERIALS
 from unit.fit.bench import HTC, MASS, box, log, pair
@@ -338,3 +340,42 @@ class TestMistakes:
         request = SimpleNamespace(records=(td.Record.from_arrays("log", times, {"WALL": wall}),))
         assert list(_clocks(request, SimpleNamespace(traces=()))) == []  # type: ignore[arg-type]
         assert shifted == ([["WALL"]] if moves else [])
+
+    def test_shifts_and_lags_of_a_search_lie_close_enough(self) -> None:
+        """The descent from a shift that is tried reaches a third of it; lags are those of sensors in air, 10 s to 3 min."""
+        from thermid.explain.mistakes import LAGS, SHIFTS
+
+        asked = np.geomspace(0.03, 0.2, 500)
+        assert (np.abs(np.array(SHIFTS)[:, None] - asked).min(axis=0) <= 0.15 * asked).all()
+        assert min(SHIFTS) <= 0.005
+        assert min(LAGS) / 1.5 <= 10.0
+        assert max(LAGS) * 1.5 >= 180.0
+
+
+def test_a_rough_fit_sees_stretches_to_half_a_per_cent_in_160_instants() -> None:
+    """A search runs it hundreds of times. An honest model may miss 1.5 % of a sensor's range; means over stretches miss a third of that."""
+    from thermid.explain.rough_fit import RoughFit
+    from unit.explain.test_mistakes import PAIR, PATHS
+
+    times = np.linspace(0.0, 18000.0, 1801)
+    scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
+    power = np.where(times % 1234.0 < 617.0, 8.0, 2.0)
+    run = td.simulate(PAIR, scenario.with_(loads={"heat": TableSignal(times, power, hold=True)}, duration="5 [h]"), times=times)
+    channels = {n: td.Channel.of(n, run[n].kelvin, role="node", target=n, noise=0.05) for n in ("amp", "psu")}
+    channels["P"] = td.Channel.of("P", power, quantity="power", role="load", target="heat")
+    fit = RoughFit.of(Request(PAIR, (td.Record.from_arrays("bench", times, channels),), PATHS, {"*": scenario}))
+    assert [mesh.size for mesh, _ in fit.meshes] == [160]
+    for trace, left in zip(fit.traces, fit.at(fit.start()).left, strict=True):
+        assert np.abs(left).max() < 0.005 * np.ptp(run[trace.node].kelvin)
+
+
+def test_a_round_of_a_search_for_structures_refits_four_changes() -> None:
+    """Those that promise most: the seconds of a search go into refits."""
+    from thermid.explain.structures import search_structure
+    from unit.explain.test_structures import BARE, INNER, asked
+
+    rounds = iter([True])
+    request = asked(box(BARE | INNER), samples=101)
+    found = search_structure(request, changes=lambda seen: list(changes_of(seen)) if next(rounds, False) else [], rounds=1)
+    assert found.scored > 4
+    assert [len(s.changes) for s in found.structures] == [0, 1, 1, 1, 1]

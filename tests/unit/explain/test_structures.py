@@ -122,7 +122,7 @@ def test_commands_that_act_late_are_found() -> None:
         }
     )
     from thermid.fit.problem.gather import build_problem
-    from thermid.fit.problem.unknowns import starting_point
+    from thermid.fit.problem.residuals import starting_point
 
     def record(values: Any, watts: Any) -> td.Record:
         channels = {

@@ -18,6 +18,7 @@ from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import SensorStatistics, loss_of
+from thermid.fit.regimes import KindsSeen
 from thermid.fit.uncertainty.groups import _few_terms, percent, practical_groups
 from thermid.fit.uncertainty.information import Information, elsewhere
 from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
@@ -338,3 +339,13 @@ def test_the_search_for_the_fewest_terms_ends_at_three_hundred_bases(unknowns: i
 
     _few_terms(np.random.default_rng(5).standard_normal((unknowns, 2)), variance)
     assert len(asked) == 2 * judged
+
+
+def test_the_evidence_that_a_file_of_values_keeps_is_of_twenty_sizes_from_a_thousandth_to_two_fifths() -> None:
+    """Files of values hold a number for each size that was tried; a file of today must say the same to a later version."""
+    for place, size in ((0, 0.001), (7, 0.001 * 400.0 ** (7 / 19)), (19, 0.4)):
+        evidence = [-1e4] * 20
+        evidence[place] = 0.0
+        kept = {"kinds": {"heater": ["a"], "sun": ["b"]}, "names": ["skin.htc"], "groups": ["coefficient"], "free": [], "responses": {}}
+        kept |= {"evidence": {"coefficient": evidence}, "own": [], "noise": {}, "checksums": ["1"]}
+        assert KindsSeen.of([{"regimes": kept}]).size("coefficient") == pytest.approx(size)

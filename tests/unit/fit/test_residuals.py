@@ -9,8 +9,7 @@ import pytest
 
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import FAILED, Problem, loss_of
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import FAILED, Problem, Unknown, loss_of
 from thermid.fit.uncertainty.information import Information
 from thermid.measure import Channel
 from thermid.model.deck.modelfile import model_from_dict

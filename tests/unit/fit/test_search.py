@@ -16,7 +16,7 @@ from thermid.errors import IdentificationError, MissingExtraError
 from thermid.fit.minimisation import LOSSES
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import Request
-from thermid.fit.problem.unknowns import Prior, Unknown
+from thermid.fit.problem.residuals import Prior, Unknown
 from thermid.fit.search import Population, box_of, evolved
 
 TIMES = np.linspace(0.0, 6000.0, 201)

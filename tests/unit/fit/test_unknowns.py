@@ -13,7 +13,7 @@ from thermid.errors import DeckError, IdentificationError, NameNotFoundError, Th
 from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.unknowns import Prior, Unknown, parameter_unknown
+from thermid.fit.problem.residuals import Prior, Unknown, parameter_unknown
 from thermid.knowledge.store import Normal, Source, State, Store, ValueOrigin
 from thermid.measure import Record
 from thermid.model.deck.modelfile import model_from_dict

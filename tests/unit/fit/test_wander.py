@@ -11,7 +11,7 @@ from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
 from thermid.fit.problem.request import Request, known_before
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Unknown
 from thermid.fit.uncertainty.noise import _beside, _leaning, binned, correlation
 from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import load_model

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.interop.wired import Formula, Text, Writer, named, wired, with_formulas
+from thermid.errors import DeckError
+from thermid.interop.wired import Formula, Text, Writer, conductance_text, named, wired, with_formulas
+from thermid.model.parts.kinds import Law
+from thermid.network.rows import CONDUCTORS, ConductorRow, heat
 from unit.interop.networks import SIGNALS, hot_box
 
 WIDE = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
@@ -133,3 +136,19 @@ def test_the_network_of_octave_is_as_before() -> None:
     w = wired(hot_box(), SIGNALS, "Octave")
     assert {s.form for s in w.sources} == {"signal"}
     assert w.courses == {}
+
+
+@pytest.mark.parametrize("form", CONDUCTORS)
+def test_a_law_in_text_is_that_of_the_kernel_or_refused(form: str) -> None:
+    """Octave got a constant conductance for every law that its writer did not know."""
+    given = {"c": 0.4e-8, "n": 0.31}
+    row = ConductorRow("path", ("a", "b"), Law(form, tuple(given.values())[: CONDUCTORS[form].coefficients]))
+    if form not in ("linear", "flow", "power", "radiation", "potential"):  # tables are read where they are
+        with pytest.raises(DeckError, match=f"'path' is of a form that is not written to this format: {form}. Export an FMU"):
+            conductance_text(row, [*given], "a", "b", lambda curve, at: "")
+        return
+    text = conductance_text(row, [*given], "a", "b", lambda curve, at: "").replace("^", "**")
+    if form != "potential":  # its integrals stand beside the text
+        hot, cold = np.array([330.0, 290.0]), np.array([300.0, 341.0])
+        asked = eval(text, {}, {**given, "a": hot, "b": cold})
+        np.testing.assert_allclose(asked * (hot - cold), heat(form, row.coefficients, None, hot, cold), rtol=1e-12)

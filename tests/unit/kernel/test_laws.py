@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from thermid import _kernel as k
+from thermid.model.parts.kinds import Law
+from thermid.network.rows import ConductorRow, same_both_ways
+from thermid.simulation.solver import large as large_network
 from unit.kernel.reference import Net
 
 Table = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -150,3 +155,19 @@ def test_members_run_in_lanes_as_they_run_alone(form: str) -> None:
     for m in (0, 8):
         alone = net.run(times, coef=coef[:, m].copy(), rtol=0.0, atol=1e-9).traces
         np.testing.assert_allclose(found[m // 8, :, :, m % 8], alone, rtol=0, atol=1e-6)
+
+
+def test_a_law_with_a_direction_is_known_by_its_heat_and_kept_from_the_wrong_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A large network writes a boundary second; a law that is not the same both ways would run backwards there."""
+    plain = [form for form in LAWS if not k.CONDUCTOR_LAWS[form][2]]
+    assert [form for form in plain if not same_both_ways(form)] == ["hinge of difference"]
+    row = ConductorRow("path", ("base", "plate"), Law("power", (1.0, 0.25)))
+    places: dict[str, list[object]] = {"conductors": [], "factors": [], "controls": [], "loads": []}
+    problem = SimpleNamespace(nodes=["plate"], wiring=SimpleNamespace(structure=SimpleNamespace(coefficient_input=[-1, -1], **places)))
+    for first, last in ((0, 1), (1, 0)):  # from node to boundary, and back
+        places["conductors"][:] = [(row, first, last, (0, 1))]
+        assert large_network.refusal(problem) == ""
+    monkeypatch.setattr(large_network, "same_both_ways", lambda form: False)
+    assert large_network.refusal(problem) == "'path' depends on its direction (power) and begins at a boundary"
+    places["conductors"][:] = [(row, 0, 1, (0, 1))]
+    assert large_network.refusal(problem) == ""

@@ -10,7 +10,7 @@ import pytest
 
 from thermid.errors import ThermidError
 from thermid.measure import read_record
-from thermid.measure.record.codes import without_strays
+from thermid.measure.record.record import without_strays
 
 from .layouts import STEP, Drawn, drawn
 

@@ -150,3 +150,15 @@ def test_a_record_can_go_to_another_process():
     assert copy.origin == record.origin == Origin(**record.origin.__dict__)
     assert copy["case"].flags == record["case"].flags
     assert np.array_equal(copy["case"].values, record["case"].values, equal_nan=True)
+
+
+@pytest.mark.parametrize("by", [3.0, 10.0, -25.5, (0.0, 7.0)])
+def test_the_step_is_that_of_the_readings_whatever_lies_between_them(by: float | tuple[float, float]) -> None:
+    """Delays and joined logs put the times of another clock between the readings; the readings come as often as before."""
+    times = 10.0 * np.arange(40.0)
+    power = Channel.of("p", np.ones(40), quantity="power", role="load", target="heater")
+    record = Record.from_arrays("bench", times, {"case": 300.0 + np.sqrt(times), "p": power})
+    slow = Record.from_arrays("room", 60.0 * np.arange(7.0), {"room": np.full(7, 295.0)})
+    assert record.delayed(by).step == record.step == 10.0
+    assert record.joined(slow, 3.0).step == slow.joined(record, -3.0).step == 10.0
+    assert record.mask("case", 100, 200).delayed(by).step == 10.0

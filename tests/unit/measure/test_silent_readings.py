@@ -11,7 +11,8 @@ from thermid.errors import RecordError, ThermidError, UnitError
 from thermid.measure import Record, read_record
 from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
-from thermid.measure.record.codes import stray_readings, without_strays
+from thermid.measure.record.channel import stray_readings
+from thermid.measure.record.record import without_strays
 
 ICE = 273.15
 

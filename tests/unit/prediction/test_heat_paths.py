@@ -214,6 +214,8 @@ def test_the_page_says_which_statement_would_narrow_it() -> None:
     (warning,) = told.warnings
     assert warning.startswith("no deck states what carries the heat of 'skin': free air, or a fan, a cold plate or leads")
     assert "State carried_by: with 'fan', 'cold plate' or 'leads' the band of 'case', +- " in warning
+    wide = float(warning.split("the band of 'case', +- ")[1].split(" K")[0])
+    assert wide == pytest.approx(told["case"].half_width[-1], rel=0.05)
     assert warning in told.to_dict()["warnings"]
 
 

@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from thermid.errors import ThermidError
 from thermid.fit.problem.gather import prior_of
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.prediction.predict import foresee
 

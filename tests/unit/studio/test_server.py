@@ -18,7 +18,7 @@ pytest.importorskip("starlette", reason="the studio's extra is not installed")
 import uvicorn
 
 from thermid.errors import DeckError
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Unknown
 from thermid.studio import server as serving
 from thermid.studio.project import Project
 from thermid.studio.server import application, limited, serve

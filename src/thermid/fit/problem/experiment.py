@@ -597,7 +597,29 @@ class Experiment:
     @property
     def bare(self) -> Scenario:
         """The scenario as it holds for the model without its sensors."""
-        return replace(self.scenario, initial={n: t for n, t in self.scenario.initial.items() if n not in self.tips})
+        return self._without_tips(self.scenario)
+
+    def _without_tips(self, scenario: Scenario) -> Scenario:
+        return replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in self.tips})
+
+    def as_fitted(self, model: Model, found: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
+        """Return a model and the scenario of this record as a fit ran them.
+
+        Parameters
+        ----------
+        model : Model       Without the sensors of the log.
+        found : dict        Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
+        sensors : bool      Whether sensors that touch the hardware are on the model, with their lags.
+        """
+        scenario = corrected(self.scenario, found)
+        driven = [b for b in self.network.boundaries if b not in self.network.flat.names.boundaries]
+        if driven:
+            kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
+            scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
+        if not sensors:
+            return model, self._without_tips(scenario)
+        lags = {o.lag: f"{found[o.lag]!r} [s]" for o in self.observations if o.lag in found}
+        return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
 
 
 def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from thermid.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.fit.problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit.problem.request import Request, known_before
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Influence, Prior, Unknown, parameter_unknown
+from thermid.fit.problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.measure.record.sensor import SensorPart
 from thermid.model.laws.signal import Constant, TableSignal

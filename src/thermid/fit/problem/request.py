@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, refuse_unknown
 from thermid.fit.problem.experiment import first_reading
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Unknown
 from thermid.knowledge.spreads import read_spread
 from thermid.knowledge.store import Source, State, Store
 from thermid.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root

@@ -1,7 +1,8 @@
-"""Weighted residuals of all records, with exact derivatives from the kernel; the readings that they predict and their statistics."""
+"""What a fit looks for and what it compares: unknowns, and weighted residuals of all records with exact derivatives from the kernel."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -11,14 +12,129 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.dual import Dual, Number, gradient_of, value_of
-from thermid.errors import SolverError
+from thermid.errors import DeckError, SolverError
 from thermid.fit.problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.fit.problem.unknowns import Influence, Unknown
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
+from thermid.model.parts.parameter import Parameter
 from thermid.simulation.solver.engine import Engine, Squares, Weighing
 from thermid.simulation.solver.problem import Options, Traces, kept_for
 from thermid.simulation.solver.wiring import Wiring
+from thermid.units import Dimension, unit
+
+POSITIVE = tuple(
+    unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")
+)
+"""Quantities that cannot be negative: they are fitted by their logarithm."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A normal prior in the fitted form of an unknown (its logarithm where `log`)."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Where an unknown acts: the value of `name` in the wiring of an experiment is ``offset + factor * unknown``."""
+
+    experiment: int
+    name: str
+    offset: float = 0.0
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that a fit looks for.
+
+    Parameters
+    ----------
+    name : str              As reported: a parameter's path, ``record: room``, ``sensor T1``.
+    kind : str              'parameter', 'local', 'sensor' or 'shared'.
+    targets : tuple         Where it acts.
+    start : float           [SI]
+    log : bool              Whether it is fitted by its logarithm.
+    low, high : float       Bounds. [SI]
+    prior : Prior or None   In the fitted form.
+    unit : str              For reports.
+    also : tuple of str     Paths of other instances that share the value.
+    """
+
+    name: str
+    kind: str
+    targets: tuple[Influence, ...]
+    start: float
+    log: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+    prior: Prior | None = None
+    unit: str = "1"
+    also: tuple[str, ...] = ()
+
+    def to_fitted(self, value: float) -> float:
+        """Return the fitted form of a value.
+
+        Raises
+        ------
+        DeckError   When its logarithm is fitted, and it is not above zero.
+        """
+        if self.log and not value > 0.0:
+            raise DeckError(f"the value must be above zero, not {value:g}: its logarithm is fitted.", self.name)
+        return math.log(value) if self.log else value
+
+    def to_value(self, fitted: float) -> float:
+        """Return the value of a fitted form. [SI]"""
+        return math.exp(min(fitted, 700.0)) if self.log else fitted
+
+    def slope(self, fitted: float) -> float:
+        """Return d value / d fitted."""
+        return self.to_value(fitted) if self.log else 1.0
+
+    @property
+    def scale(self) -> float:
+        """A typical change of the fitted form, for the optimiser's steps."""
+        if self.log:
+            return 1.0
+        if self.prior is not None:
+            return self.prior.sd
+        width = self.high - self.low
+        return width / 4 if math.isfinite(width) else abs(self.start) or 0.1
+
+    def fitted_bounds(self) -> tuple[float, float]:
+        """Return the bounds in the fitted form."""
+        if not self.log:
+            return self.low, self.high
+        low = math.log(self.low) if self.low > 0 else -math.inf
+        return low, math.log(self.high) if math.isfinite(self.high) else math.inf
+
+
+def starting_point(unknowns: Sequence[Unknown]) -> Array:
+    """Return the starts (unknowns,) in the fitted form."""
+    return np.array([u.to_fitted(u.start) for u in unknowns])
+
+
+def parameter_unknown(
+    path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
+) -> Unknown:
+    """Return the unknown that a freed parameter is.
+
+    A value that cannot be negative is fitted by its logarithm, unless its minimum is zero, which a logarithm could not reach.
+
+    Raises
+    ------
+    DeckError   When the start lies outside its bounds.
+    """
+    low = -math.inf if given.minimum is None else given.minimum
+    high = math.inf if given.maximum is None else given.maximum
+    if not low <= value <= high:
+        raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
+    positive = low > 0 or (dimension in POSITIVE and low != 0.0)
+    text = given.unit or "1"
+    return Unknown(path, "parameter", tuple(targets), value, positive and value > 0, low, high, prior, text)
+
 
 WHITE = 0.9
 """Share of the samples that residuals must be worth as independent ones to count as white."""
@@ -59,6 +175,10 @@ class SensorStatistics:
     def wanders(self) -> bool:
         """Whether the residuals are worth fewer independent samples than there are."""
         return wanders(self.effective_samples, self.samples)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return it as JSON holds it."""
+        return {"rmse_K": self.rmse, "bias_K": self.bias, "mean_K": self.mean, "max_K": abs(self.largest), "n": self.samples}
 
 
 @dataclass(frozen=True)
@@ -533,25 +653,38 @@ class Problem:
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""
-        values, slopes = [], []
-        below = {int(k) for at, _, _ in self.coupled for k in at}
-        for k, u in enumerate(self.unknowns):
-            # what stages below found of an instrument holds its accuracy
-            if u.prior is not None and (u.kind == "parameter" or k not in below):
-                row = np.zeros(len(self.unknowns))
-                row[k] = 1.0 / u.prior.sd
-                values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
-                slopes.append(row)
-        for at, mean, root in self.coupled:
-            rows = np.zeros((root.shape[0], len(self.unknowns)))
-            rows[:, at] = root
-            values += list(root @ (fitted[at] - mean))
-            slopes += list(rows)
-        return np.array(values), np.array(slopes).reshape(len(values), len(self.unknowns))
+        return prior_rows(self.unknowns, self.coupled, fitted)
 
     def observations(self) -> list[Observation]:
         """Return every observation of every experiment."""
         return [o for e in self.experiments for o in e.observations]
+
+
+def prior_rows(
+    unknowns: Sequence[Unknown], coupled: Sequence[tuple[NDArray[np.int64], Array, Array]], fitted: Array
+) -> tuple[Array, Array]:
+    """Return the residuals of priors and their derivatives (residuals, unknowns). [-]
+
+    Parameters
+    ----------
+    coupled : sequence          Positions, means and the root of the information of what stages below found together.
+    fitted : array (unknowns,)  In the fitted form.
+    """
+    values, slopes = [], []
+    below = {int(k) for at, _, _ in coupled for k in at}
+    for k, u in enumerate(unknowns):
+        # what stages below found of an instrument holds its accuracy
+        if u.prior is not None and (u.kind == "parameter" or k not in below):
+            row = np.zeros(len(unknowns))
+            row[k] = 1.0 / u.prior.sd
+            values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
+            slopes.append(row)
+    for at, mean, root in coupled:
+        rows = np.zeros((root.shape[0], len(unknowns)))
+        rows[:, at] = root
+        values += list(root @ (fitted[at] - mean))
+        slopes += list(rows)
+    return np.array(values), np.array(slopes).reshape(len(values), len(unknowns))
 
 
 class Predictions(Sequence[SensorTrace]):

@@ -12,8 +12,7 @@ from thermid.errors import SolverError
 from thermid.fit.minimisation import Fit, ended
 from thermid.fit.problem.gather import build_problem, problem_of
 from thermid.fit.problem.request import Request, form, key_for, known_before
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem, Unknown
 from thermid.knowledge.store import Normal, Source, State
 from thermid.knowledge.values import rooted
 from thermid.linear_algebra import Array, Bools, covariance, finite, rank

@@ -11,8 +11,7 @@ import numpy as np
 from thermid.errors import ScenarioError, SolverError
 from thermid.fit.minimisation import Fit
 from thermid.fit.problem.request import Request, form, known_before
-from thermid.fit.problem.residuals import Problem
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Problem, Unknown
 from thermid.fit.uncertainty.information import Opened, covering, opened_at
 from thermid.fit.uncertainty.noise import Weighed, binned, weighed
 from thermid.knowledge.store import State
@@ -233,7 +232,7 @@ def normal_together(sizes: Array, covariance: Array) -> Together:
 
 def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
     """Return the test of scores (models, values) that have these covariances by each noise model."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc, chdtri  # chi-squared; scipy.stats would take half a second to load
 
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
     sizes, vectors = np.linalg.eigh(spread / size[:, :, None] / size[:, None, :])
@@ -242,8 +241,8 @@ def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
     along = np.einsum("mgr,mg->mr", vectors, scores / size) ** 2
     square = np.sum(np.where(kept, along / np.where(kept, sizes, 1.0), 0.0), axis=1)
     directions = int(np.median(kept.sum(axis=1)))
-    chance = float(weights @ chi2.sf(square, kept.sum(axis=1)))
-    return Together(float(chi2.isf(max(chance, 1e-300), directions)), directions, chance)
+    chance = float(weights @ chdtrc(kept.sum(axis=1), square))
+    return Together(float(chdtri(directions, max(chance, 1e-300))), directions, chance)
 
 
 MOVED, NOT_REJECTED, UNDECIDED = "moved", "not rejected", "this log cannot decide"

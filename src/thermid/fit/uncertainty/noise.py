@@ -570,8 +570,8 @@ LARGEST, SMALLEST = 1e4, 0.05
 """Ratios of the variance of the autocorrelated part to that of the white part of the mean of a stretch."""
 FLAT = 1e-9
 """Information, in parts of what white noise would give, that stands for none."""
-SWEEPS, DRAWS = 1, 128
-"""How often each trace is asked again given the others, and noise models that are drawn where there are several traces."""
+DRAWS = 128
+"""Noise models that are drawn where there are several traces."""
 NEGLIGIBLE, UNLIKELY, SMALL = 1e-3, 1e-5, 0.03
 """Chance of a noise model, and of a node given the trace alone, beside the likeliest, and shift of readings in units of their white noise,
 below which they do not count."""
@@ -710,14 +710,13 @@ def _averaged(traces: Sequence[_TraceBasis], known: Array, start: Array) -> tupl
     likeliest = [_sums(t, g, np.array([g.chance.argmax()])) for t, g in zip(traces, grids, strict=True)]
     for t, (m, v) in zip(traces, likeliest, strict=True):
         _add(t, whole, vector, m[0], v[0])
-    for _ in range(SWEEPS):
-        for k, t in enumerate(traces):
-            m, v = likeliest[k]
-            _add(t, whole, vector, -m[0], -v[0])
-            most = grids[k].chance.sum(axis=1)
-            grids[k] = _likely(t, whole, vector, grids[k].nodes[most > UNLIKELY * most.max()])
-            likeliest[k] = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
-            _add(t, whole, vector, likeliest[k][0][0], likeliest[k][1][0])
+    for k, t in enumerate(traces):  # each is asked again given the others
+        m, v = likeliest[k]
+        _add(t, whole, vector, -m[0], -v[0])
+        most = grids[k].chance.sum(axis=1)
+        grids[k] = _likely(t, whole, vector, grids[k].nodes[most > UNLIKELY * most.max()])
+        m, v = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
+        _add(t, whole, vector, m[0], v[0])
     rng = np.random.default_rng(17)
     information, scores = np.repeat(known[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
     for t, g in zip(traces, grids, strict=True):

@@ -15,8 +15,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError, ThermidError, nearest
 from thermid.files import read_bytes, scratch
 from thermid.fit.minimisation import Fit, covariances, minimise
-from thermid.fit.problem.residuals import Compressed, Sums
-from thermid.fit.problem.unknowns import Unknown
+from thermid.fit.problem.residuals import Compressed, Sums, Unknown
 from thermid.interop.fmu.host import fmpy_package
 from thermid.linear_algebra import Array, null_space
 

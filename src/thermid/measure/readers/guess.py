@@ -12,8 +12,7 @@ import numpy as np
 from thermid.errors import ThermidError
 from thermid.measure.readers.columns import kelvin_sized, name_and_unit, numbers
 from thermid.measure.readers.textfile import Cells
-from thermid.measure.record.channel import BoolArray, FloatArray
-from thermid.measure.record.codes import OVERLOAD, codes_of
+from thermid.measure.record.channel import OVERLOAD, BoolArray, FloatArray, codes_of
 from thermid.units import DIMENSIONLESS, describe, from_si, unit
 
 _SURROUNDINGS: Final = re.compile(

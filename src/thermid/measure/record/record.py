@@ -30,18 +30,20 @@ from thermid.measure.record.channel import (
     Origin,
     Samples,
     SecondClock,
+    codes_to_mask,
     digest,
     even_step,
     gap_from,
     gap_limit,
     step_of,
+    strays,
     stretch,
     with_sensor,
 )
 from thermid.measure.record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure.record.steadiness import SETTLED, SteadyPoint, steady_point
 from thermid.results import PlottedTrace, Result, Row
-from thermid.units import TEMPERATURE, format_value, from_si, in_si, unit
+from thermid.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -599,6 +601,19 @@ class Record(Samples, Result):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the channels."""
         return list(self.channels)
+
+
+def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return a record with readings masked that are no temperatures, and what was masked, a sentence for each channel."""
+    said, made = [], record
+    for name, channel in record.channels.items():
+        codes = strays(channel)
+        if not codes:
+            continue
+        made = made.flag_faults(codes_to_mask(codes, channel), channels=[name])
+        count = counted(int(np.count_nonzero(channel.valid & ~made[name].valid)), "reading")
+        said.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
+    return made, tuple(said)
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:

@@ -8,17 +8,11 @@ COLOURS = ("white", "light grey", "dark grey", "black")
 """From pure theory to pure experiment (Isermann and Münchhof, Identification of Dynamic Systems, 2011, DOI 10.1007/978-3-540-78879-9)."""
 
 
-def node_boxes(model: Model, prefix: str = "") -> dict[str, str]:
-    """Return node -> the colour of the part that it belongs to; the node of a joint belongs to whoever joins.
-
-    Parameters
-    ----------
-    model : Model   The tree.
-    prefix : str    What stands before the names of its nodes.
-    """
+def node_boxes(model: Model) -> dict[str, str]:
+    """Return node -> the colour of the part that it belongs to; the node of a joint belongs to whoever joins."""
     return {
         start + name: part.box
-        for part, start in model.walk(prefix)
+        for part, start in model.walk()
         for name in (*part.nodes, *(joint.mid or f"{key}.mid" for key, joint in part.joints.items()))
     }
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from thermid.errors import ThermidError
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import attached, corrected
 from thermid.linear_algebra import Array
 from thermid.model.tree.flat import flatten
 from thermid.model.tree.model import Model
@@ -32,14 +29,7 @@ def run_of(c: Calibration, record: str) -> tuple[Model, Scenario] | None:
     fitted = np.array([c.fitted[u.name] for u in c.problem.unknowns])
     bench = c.problem.bench(place, fitted)
     inputs = dict(zip(c.problem.benches()[place].free, c.problem.inputs(place, fitted)[0].tolist(), strict=True))
-    experiment = bench.experiment
-    scenario = corrected(experiment.scenario, inputs)
-    driven = [b for b in experiment.network.boundaries if b not in experiment.network.flat.names.boundaries]
-    if driven:
-        kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
-        scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
-    lags = {o.lag: f"{inputs[o.lag]!r} [s]" for o in experiment.observations if o.lag in inputs}
-    return attached(c.fitted_model, experiment.record)[0].with_values(lags, "found by the fit"), scenario
+    return bench.experiment.as_fitted(c.fitted_model, inputs)
 
 
 def course_of(c: Calibration, record: str, times: Array | None = None) -> Solution | None:

@@ -64,16 +64,16 @@ class Decisive:
         c = self.check
         word = VERDICTS[c.passed]
         return (
-            f"Worst held-out sensor: {said}. {c.title[0].upper()}{c.title[1:]} {number(abs(c.found), 3)} K, "
-            f"limit {plain(c.limit, 4)} K ({100 * abs(c.found) / c.limit:.0f} %): {word}."
+            f"Worst held-out sensor: {said}. {c.title[0].upper()}{c.title[1:]} {number(c.found, 3)} K, "
+            f"limit {plain(c.limit, 4)} K ({100 * c.used:.0f} %): {word}."
         )
 
 
 def decisive(campaign: Campaign) -> Decisive | None:
     """Return the trace that decides; None where nothing was fitted or judged."""
-    judged = [(abs(c.found) / c.limit, v, c) for v in campaign.verdicts for c in v.checks if v.blocks]
+    judged = [(v, c) for v in campaign.verdicts for c in v.checks if v.blocks]
     if judged:
-        _, verdict, check = max(judged, key=lambda found: found[0])
+        verdict, check = max(judged, key=lambda pair: pair[1].used)
         own = [b for b in verdict.blocks if b.sensor == check.sensor] or list(verdict.blocks)
         assert verdict.prediction is not None
         return Decisive(verdict.prediction, max(own, key=_size), verdict, check)
@@ -149,8 +149,7 @@ def _charts(campaign: Campaign) -> Iterator[Plot]:
         for c in v.checks:
             if c.sensor:
                 ratio, met = cells.get((test, c.sensor), (0.0, True))
-                worse = abs(c.found) / c.limit
-                cells[test, c.sensor] = (max(ratio, worse), c.passed if worse >= ratio else met)
+                cells[test, c.sensor] = (max(ratio, c.used), c.passed if c.used >= ratio else met)
     most = (correlation.MOST_ROWS, correlation.MOST_COLUMNS)
     counts = sorted((len({k[i] for k in cells}) for i in (0, 1)), reverse=True)
     more = f" The worst of {counts[0]} and {counts[1]}." if counts[0] > most[0] or counts[1] > most[1] else ""

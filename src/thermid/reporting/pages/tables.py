@@ -296,7 +296,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
         for k, c in enumerate(v.checks):
             named = k == 0 or ranked
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [Cell("", "", "same"), Cell("", "", "same")]
-            sizes.append(abs(c.found) / c.limit)
+            sizes.append(c.used)
             result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
             condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
@@ -502,16 +502,6 @@ def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
     return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
 
 
-def tightest(campaign: Campaign) -> str:
-    """Return which of the verdicts' checks is nearest to its limit, or furthest beyond, and how much of the limit it takes."""
-    checks = [(c.found / c.limit, v.record, c) for v in campaign.verdicts for c in v.checks]
-    if not checks:
-        return "no criterion was judged"
-    used, record, c = max(checks, key=lambda found: found[0])
-    where = f"{'nearest to' if used <= 1.0 else 'furthest beyond'} its limit"
-    return f"{where}: {c.sensor} in {record}, {c.title} {number(c.found, 2)} of {number(c.limit, 2)} K ({100 * used:.0f} %)"
-
-
 def interval(v: FittedValue) -> tuple[float, float]:
     """Return the ends of the 95 % interval of a fitted value; of one that was fitted by its logarithm the factor is symmetric. [SI]"""
     if v.log and v.value > 0 and math.isfinite(v.error):
@@ -613,9 +603,7 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
     elif campaign.passed:
         yield _envelope(campaign), ""
     for v in campaign.verdicts:
-        missed = [c for c in v.checks if not c.passed]
-        if missed:
-            worst = max(missed, key=lambda c: c.found / c.limit)
+        if v.missed and (worst := v.worst) is not None:
             missing = f"{worst.title} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
             yield (
                 (

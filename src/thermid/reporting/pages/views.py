@@ -17,9 +17,7 @@ from thermid.campaign.advice import next_command
 from thermid.campaign.retune import RetunePlan
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.residuals import SensorStatistics
 from thermid.fit.uncertainty.moved import Moves
-from thermid.judge.verdict import Verdict
 from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
@@ -158,10 +156,6 @@ def swap_object(plan: RetunePlan) -> dict[str, Any]:
     return {**retune_object(plan), "standing": plan.standing.to_dict(), "sensors": sensors, "text": str(plan)}
 
 
-def _sensor(s: SensorStatistics) -> dict[str, Any]:
-    return {"rmse_K": s.rmse, "bias_K": s.bias, "mean_K": s.mean, "max_K": abs(s.largest), "n": s.samples}
-
-
 def calibration_object(fit: Calibration) -> dict[str, Any]:
     """Return the object of one stage."""
     shown = view(fit)
@@ -174,8 +168,8 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "errors_total": {p: v.error for p, v in fitted.items()},
         "units": {p: v.unit for p, v in fitted.items()},
         "shown": {p: v.answer() for p, v in shown.values.items()},
-        "sensors": {n: _sensor(s) for n, s in fit.sensors.items()},
-        "records": {r: {n: _sensor(s) for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
+        "sensors": {n: s.to_dict() for n, s in fit.sensors.items()},
+        "records": {r: {n: s.to_dict() for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
         "median_rmse_K": {n: s.median_rmse for n, s in shown.sensors.items()},
         "local": [_local(i) for i in fit.local],
         "moved": _moved(fit.moved),
@@ -222,24 +216,6 @@ def _moved(moves: Moves) -> dict[str, Any]:
     return {"values": values, "groups": groups}
 
 
-def _verdict(v: Verdict) -> dict[str, Any]:
-    return {
-        "model": v.model,
-        "record": v.record,
-        "title": v.title,
-        "passed": v.passed,
-        "standing": v.standing.to_dict(v.model),
-        "conditional": v.conditional,
-        "unseen": v.unseen,
-        "fitted_locally": list(v.fitted_locally),
-        "sensors": {n: _sensor(s) for n, s in v.statistics.items()},
-        "checks": [
-            {"sensor": c.sensor, "criterion": c.criterion, "found_K": c.found, "limit_K": c.limit, "passed": c.passed} for c in v.checks
-        ],
-        "bands": v.bands.to_dict() if v.bands is not None else None,
-    }
-
-
 def campaign_standing(campaign: Campaign) -> dict[str, Any]:
     """Return the standing of a campaign as JSON holds it."""
     return {**campaign.standing.to_dict(), "because": campaign.standing.reason(link="stage")}
@@ -252,7 +228,7 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
         "standing": campaign_standing(campaign),
         "stages": [{**calibration_object(fit), **_advice(campaign, name)} for name, fit in campaign.stages.items()],
         **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
-        "verdicts": [_verdict(v) for v in campaign.verdicts],
+        "verdicts": [v.to_dict() for v in campaign.verdicts],
         "passed": campaign.passed,
         "values_files": values,
     }

@@ -20,8 +20,7 @@ from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.guess import Column, columns_of
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
-from thermid.measure.record.channel import even_step, gap_from, usual_step
-from thermid.measure.record.codes import KNOWN
+from thermid.measure.record.channel import KNOWN, even_step, gap_from, usual_step
 from thermid.reporting.pictures.chart import Panel, Stroke, chart
 from thermid.reporting.pictures.figures import DASHES, SERIES, time_unit
 from thermid.results import Result

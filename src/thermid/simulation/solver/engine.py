@@ -241,10 +241,10 @@ class Modal:
         a = self.wiring.assemble(gradients=False)
         capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in self.wiring.structure.capacity])
         _, jacobian, _ = self.problem.rhs(a.coefficients, a.initial, 0.0)
-        own = -jacobian / capacity[:, None]
-        return float(np.diag(own).max()), max((self._roughness(name, a, capacity, own) for name in self.wiring.used), default=0.0)
+        rates = -jacobian / capacity[:, None]  # C dT/dt = J T: a node settles at the rate -J_ii / C_i
+        return float(np.diag(rates).max()), max((self._roughness(name, a, capacity, rates) for name in self.wiring.used), default=0.0)
 
-    def _roughness(self, name: str, a: Assembled, capacity: Array, own: Array) -> float:
+    def _roughness(self, name: str, a: Assembled, capacity: Array, rates: Array) -> float:
         """Return how many steps a second an input's noise asks of the integrator. [1/s]
 
         12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
@@ -254,14 +254,15 @@ class Modal:
         signal, s = self.wiring.signals[name], self.wiring.structure
         if not isinstance(signal, TableSignal) or signal.times.size <= (5000 if signal.hold else 500):
             return 0.0
-        noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))  # of independent readings, whatever they follow
+        # second differences of white noise have 1 + 4 + 1 times its variance, and next to nothing of what the readings follow
+        noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))
         moved = np.zeros(capacity.size)
         if name.startswith("boundary "):
-            moved = own.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
+            moved = rates.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
         for _, node, places, _, _ in s.loads:
             if s.coefficient_input[places[0]] == self.wiring.used[name] and node < capacity.size:
                 moved[node] += a.coefficients[places[0]] / capacity[node]
-        jolt = np.abs(moved) * np.diag(own) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
+        jolt = np.abs(moved) * np.diag(rates) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
         return float(12.0 * jolt.max() ** 0.4)
 
     def run(
@@ -269,8 +270,8 @@ class Modal:
     ) -> Exact:
         """Return temperatures of some nodes at times, from zero to `end` [s]; and turning points of these and of sums, where asked for."""
         wanted = np.ascontiguousarray(times, dtype=float)
-        found = _kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums)
-        return Exact(*found)
+        raw = _kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums)
+        return Exact(*raw)
 
 
 def _obstacle(wiring: Wiring) -> str:
@@ -311,8 +312,8 @@ class Engine(KernelProblem):
     @property
     def runner(self) -> Runner | None:
         """What runs the model in place of the kernel; None for the kernel itself."""
-        found: Runner | None = self.wiring.network.flat.names.model.runner
-        return found
+        runner: Runner | None = self.wiring.network.flat.names.model.runner
+        return runner
 
     def _as_large(self, options: Options, gradients: bool) -> bool:
         """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
@@ -323,8 +324,8 @@ class Engine(KernelProblem):
         """
         method = options.method
         if method not in LARGE_METHODS and method not in METHODS:
-            known = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
-            raise ScenarioError(f"unknown method '{method}'.{nearest(method, known)} There are {', '.join(known)}.", self.title)
+            methods = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
+            raise ScenarioError(f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title)
         if method not in LARGE_METHODS or (method == "auto" and not self.many):
             return False
         why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)
@@ -358,7 +359,7 @@ class Engine(KernelProblem):
         if not why:
             return self._by_modes(a, times, nodes, end, options, extremes)
         gone, sums = self._sums(a) if extremes else ((), None)
-        found = self.problem.integrate(
+        raw = self.problem.integrate(
             a.coefficients,
             a.initial,
             0.0,
@@ -370,46 +371,46 @@ class Engine(KernelProblem):
             **self.settings(options, end),
             **self.gradients(a, gradients),
         )
-        if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end, a), self.title)
+        if raw.status != _kernel.OK:
+            raise SolverError(self.message(raw, options, end, a), self.title)
         statistics = {
             "method": "integrator",
             "reason": why,
-            "steps": found.steps,
-            "rejected": found.rejected,
-            "switchings": [(float(t), self.control_names[k]) for t, k in zip(found.event_times, found.event_controls, strict=True)],
+            "steps": raw.steps,
+            "rejected": raw.rejected,
+            "switchings": [(float(t), self.control_names[k]) for t, k in zip(raw.event_times, raw.event_controls, strict=True)],
         }
-        flows = found.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
-        slopes = found.sensitivities if found.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
-        events = (found.event_times, found.event_controls, found.event_states, found.event_before)
+        flows = raw.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
+        slopes = raw.sensitivities if raw.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
+        events = (raw.event_times, raw.event_controls, raw.event_states, raw.event_before)
         switched = tuple(zip(*(each.tolist() for each in events), strict=True))
-        energies = (found.load_energy[: len(self.load_names)], found.boundary_energy, flows)
-        turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
-        return Answer(found.traces, slopes, a.initial, found.final_temperatures, *energies, end, statistics, found.on, switched, turnings)
+        energies = (raw.load_energy[: len(self.load_names)], raw.boundary_energy, flows)
+        turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
+        return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
         index = self._index()
         gone, sums = self._sums(a) if extremes else ((), None)
-        found = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
-        if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end, a), self.title)
+        raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
+        if raw.status != _kernel.OK:
+            raise SolverError(self.message(raw, options, end, a), self.title)
         slopes = np.zeros((times.size, len(nodes), 0))
-        statistics = {"method": "modal", "reason": "", "steps": found.steps, "rejected": 0, "switchings": []}
-        energies = (found.load_energy, found.boundary_energy, np.zeros(0))
+        statistics = {"method": "modal", "reason": "", "steps": raw.steps, "rejected": 0, "switchings": []}
+        energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
         off = np.zeros(len(self.control_names), dtype=np.int32)
-        turnings = dict(zip((*nodes, *gone), by_column(found.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
-        return Answer(found.traces, slopes, a.initial, found.final, *energies, end, statistics, off, (), turnings)
+        turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
+        return Answer(raw.traces, slopes, a.initial, raw.final, *energies, end, statistics, off, (), turnings)
 
     def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:
         """Return the eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form."""
-        known = self._index()
+        index = self._index()
         parts: dict[str, dict[int, float]] = {}
         for node, star in a.reduced.recover:
-            own: dict[int, float] = {}
+            weights: dict[int, float] = {}
             for neighbour, weight in star.items():
-                for place, share in (parts[neighbour] if neighbour in parts else {known[neighbour]: 1.0}).items():
-                    own[place] = own.get(place, 0.0) + value_of(weight) * share
-            parts[node] = own
+                for place, share in (parts[neighbour] if neighbour in parts else {index[neighbour]: 1.0}).items():
+                    weights[place] = weights.get(place, 0.0) + value_of(weight) * share
+            parts[node] = weights
         if not parts:
             return (), None
         begin = ints(np.cumsum([0, *(len(p) for p in parts.values())]))
@@ -425,8 +426,8 @@ class Engine(KernelProblem):
         ------
         ScenarioError   When the machine lacks the instruction set `simd`.
         """
-        known = ("auto", *_kernel.instruction_sets())
-        refuse_unknown([simd], known, "simd", "this processor has no instruction set '{}'. Give one of {known}.", ScenarioError)
+        sets = ("auto", *_kernel.instruction_sets())
+        refuse_unknown([simd], sets, "simd", "this processor has no instruction set '{}'. Give one of {known}.", ScenarioError)
         return _kernel.Ensemble(
             self.problem,
             np.ascontiguousarray(coefficients),
@@ -453,9 +454,9 @@ class Engine(KernelProblem):
         The node of a channel that is `scaled` counts by the weight that every evaluation gives.
         """
         place = self._index()
-        nodes = [place[n] for several in parts for n in several]
+        nodes = [place[n] for names in parts for n in names]
         flat = np.concatenate([*index, np.zeros(0, dtype=np.int64)])
-        ends = ints(np.cumsum([0, *(len(several) for several in parts)])), ints(np.cumsum([0, *(i.size for i in index)]))
+        ends = ints(np.cumsum([0, *(len(names) for names in parts)])), ints(np.cumsum([0, *(i.size for i in index)]))
         return _kernel.Readings(
             self.problem,
             np.ascontiguousarray(times),
@@ -497,7 +498,7 @@ class Engine(KernelProblem):
         SolverError   When the run ends before its time.
         """
         w = weighing
-        found = _kernel.least_squares(
+        raw = _kernel.least_squares(
             self.problem,
             readings,
             a.coefficients,
@@ -515,9 +516,9 @@ class Engine(KernelProblem):
             **self.settings(options, end),
             **self.gradients(a, gradients),
         )
-        if found.status != _kernel.OK:
-            raise SolverError(self.message(found, options, end, a), self.title)
-        return Squares(found.triangle, found.rotated, found.cost, found.chi_square, found.sums, found.mesh)
+        if raw.status != _kernel.OK:
+            raise SolverError(self.message(raw, options, end, a), self.title)
+        return Squares(raw.triangle, raw.rotated, raw.cost, raw.chi_square, raw.sums, raw.mesh)
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
         """Return the assembly with a start that is steady where it was asked for."""
@@ -528,8 +529,8 @@ class Engine(KernelProblem):
             raise ScenarioError("an FMU has no steady start here. Give a temperature as its start.", self.wiring.scenario.title)
         if not unknown.all():
             raise ScenarioError("a steady start gives the temperatures of all nodes. Leave 'initial' out.", self.wiring.scenario.title)
-        found, slopes = self._beginning(a, gradients)
-        return replace(a, initial=found, initial_gradient=slopes if gradients else a.initial_gradient)
+        temperatures, slopes = self._beginning(a, gradients)
+        return replace(a, initial=temperatures, initial_gradient=slopes if gradients else a.initial_gradient)
 
     def _beginning(self, a: Assembled, gradients: bool) -> tuple[Array, Array]:
         """Return the temperatures (nodes,) that a scenario asks to start from [K], and their derivatives (nodes, free).
@@ -541,8 +542,8 @@ class Engine(KernelProblem):
         start = self.wiring.start
         if start is None or start.kind == STEADY:
             return settle(self, a, start.time if start is not None else 0.0, gradients)
-        found, slopes = settle(self.still, a, 0.0, gradients)
-        return (found, slopes) if start.kind == MEAN else _periodic(self, a, found, slopes, gradients)
+        temperatures, slopes = settle(self.still, a, 0.0, gradients)
+        return (temperatures, slopes) if start.kind == MEAN else _periodic(self, a, temperatures, slopes, gradients)
 
 
 def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
@@ -566,29 +567,29 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
                   switching.
     """
     machines = [p.row for p in problem.wiring.structure.factors if p.row.modes]
-    seen: set[bytes] = set()
+    visited: set[bytes] = set()
     on = np.full(len(problem.control_names), -1, dtype=np.int32)
     first = len(problem.control_names) - len(machines)
     on[first:] = [row.starts for row in machines]
     while True:
-        found, slopes = _settled(problem, a, time, gradients, on)
+        temperatures, slopes = _settled(problem, a, time, gradients, on)
         if not machines:
-            return found, slopes, on
-        seen.add(on.tobytes())
-        changed = _next_modes(problem, a, found, time, on[first:])
+            return temperatures, slopes, on
+        visited.add(on.tobytes())
+        changed = _next_modes(problem, a, temperatures, time, on[first:])
         if changed is None:
-            return found, slopes, on
+            return temperatures, slopes, on
         on[first + changed[0]] = changed[1]
-        if on.tobytes() in seen:
+        if on.tobytes() in visited:
             name = machines[changed[0]].name
             message = f"no steady state exists: the control '{name}' keeps switching. Simulate, and use the mean over a late period."
             raise SolverError(message, problem.title)
 
 
-def _next_modes(problem: KernelProblem, a: Assembled, found: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
+def _next_modes(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
     """Return the first control that does not rest in its mode at steady temperatures, and the mode that follows; None where all rest."""
     wiring, now = problem.wiring, np.array([time])
-    traces = Traces(wiring, a, now, problem.nodes, found[None, :], np.zeros((1, found.size, 0)))
+    traces = Traces(wiring, a, now, problem.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
     rows = {row.name: row for row in a.numbers.controls}
     for k, name in enumerate(problem.machines):
 
@@ -606,19 +607,19 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
 
     Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
     """
-    found = None if gradients else settle_model(problem, a, time)
-    if found is not None:
-        return found, np.zeros((found.size, 0))
+    steady = None if gradients else settle_model(problem, a, time)
+    if steady is not None:
+        return steady, np.zeros((steady.size, 0))
     network, where = problem.wiring.network, problem.title
-    given = [float(problem.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
-    base = float(np.mean(given)) if given else ICE_POINT + 20.0
+    outside = [float(problem.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
+    base = float(np.mean(outside)) if outside else ICE_POINT + 20.0
     # a small offset keeps the conductance of natural convection above zero at the start
     balance = _Balance(problem, a, time, on)
     temperatures = np.full(balance.size, base + 1.0)
     reach = LARGEST_MOVE
     for k in range(MOST_ITERATIONS):
         heat, jacobian, slopes = balance(temperatures, gradients)
-        leaving = balance.leaving(temperatures, jacobian, given)
+        leaving = balance.leaving(temperatures, jacobian, outside)
         step = _solved(jacobian, leaving, heat)
         if step is None:
             raise SolverError(_no_steady(problem, a), where)
@@ -640,8 +641,8 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
                     where,
                 )
             _, jacobian, slopes = balance(temperatures, gradients)
-            if left := problem.left(a, time, balance.states(temperatures)):
-                raise SolverError(f"in the steady state {left}", where)
+            if beyond := problem.left(a, time, balance.states(temperatures)):
+                raise SolverError(f"in the steady state {beyond}", where)
             moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
                 raise SolverError(_no_steady(problem, a), where)
@@ -679,7 +680,7 @@ class _Balance:
             return heat, jacobian, slopes
         return self._sum(heat), self._sum(jacobian)[:, self.own], None if slopes is None else self._sum(slopes)
 
-    def leaving(self, temperatures: Array, jacobian: Array, given: Sequence[float]) -> Array | None:
+    def leaving(self, temperatures: Array, jacobian: Array, outside: Sequence[float]) -> Array | None:
         """Return the heat per kelvin (nodes,) that each node loses to boundaries [W/K]; None where that is not all that the network loses.
 
         The columns of the Jacobian sum to it, but only to rounding of their largest entry: a weak path to a boundary beside a strong one
@@ -690,10 +691,11 @@ class _Balance:
         beside = jacobian - np.diag(np.diag(jacobian))
         if self.held or s.factors or s.driven or any(p.row.form != "signal" for p in s.loads) or (beside < 0.0).any():
             return None
-        outer = np.asarray(given, dtype=float)
-        at = np.array([[*(temperatures + d), *outer] for d in (-NUDGE, NUDGE)])
-        flows = np.asarray(self.problem.held.flows(self.a.coefficients, at, np.full(2, float(self.time))))
+        outer = np.asarray(outside, dtype=float)
+        nudged = np.array([[*(temperatures + d), *outer] for d in (-NUDGE, NUDGE)])
+        flows = np.asarray(self.problem.held.flows(self.a.coefficients, nudged, np.full(2, float(self.time))))
         out = np.zeros(size)
+        # central difference along a rise of all nodes alike: row sums of -J, from the conductors at the boundary alone
         for k, p in enumerate(s.conductors):
             if p.a < size <= p.b:
                 out[p.a] += (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
@@ -712,17 +714,17 @@ class _Balance:
 
     def states(self, temperatures: Array) -> Array:
         """Return what the kernel solves for at rest, from temperatures (nodes,). [K]"""
-        found = temperatures[self.place]
+        levels = temperatures[self.place]
         for k, store, liquid in self.held:
-            found[k] = float(store.level(found[k], liquid))
-        return found
+            levels[k] = float(store.level(levels[k], liquid))
+        return levels
 
     def moves(self, temperatures: Array, moves: Array) -> Array:
         """Return the derivatives of those (states, free) from the derivatives of the temperatures (nodes, free)."""
-        found = moves[self.place]
+        changes = moves[self.place]
         for k, store, liquid in self.held:
-            found[k] *= float(store.share(temperatures[self.place[k]], liquid))
-        return found
+            changes[k] *= float(store.share(temperatures[self.place[k]], liquid))
+        return changes
 
 
 def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
@@ -761,6 +763,7 @@ def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array
     Each step is one of Newton's method for the implicit Euler method, which passes knees where the way of less heat left over ends before
     any balance.
     """
+    # (J - D / dt) step = -Q, with D = |diag J| for the capacities and dt = DRIFT^k / 2 time constants
     pace = np.abs(np.diag(jacobian)) / (0.5 * DRIFT**k)
     step = np.asarray(np.linalg.solve(jacobian - np.diag(np.maximum(pace, 1e-300)), -heat), dtype=np.float64)
     return np.maximum(temperatures + step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300)), 0.1)
@@ -806,14 +809,16 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     _, jacobian, _ = engine.still.rhs(a, guess, 0.0)
     flow = jacobian[np.ix_(massive, massive)]
     if not massive.all():
+        # nodes without mass follow at once: J_mm - J_m0 J_00^-1 J_0m is left for the others
         rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
         flow = flow - jacobian[np.ix_(massive, ~massive)] @ rest
+    # a step s at the start comes back as exp(P C^-1 J) s, so (1 - exp(P C^-1 J)) s = T(P) - T(0) closes the period
     inverse: NDArray[Any] = np.linalg.inv(np.eye(int(massive.sum())) - expm(period * flow / capacity[massive][:, None]))
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
         run = replace(a, initial=state, initial_gradient=moves)
-        answer = engine.integrate(run, np.array([period]), engine.nodes, period, Options(), gradients)
-        return answer.temperatures[0], answer.sensitivities[0] if gradients else moves
+        raw = engine.integrate(run, np.array([period]), engine.nodes, period, Options(), gradients)
+        return raw.temperatures[0], raw.sensitivities[0] if gradients else moves
 
     state, step, before = guess.copy(), np.zeros(0), np.zeros(0)
     for _ in range(MOST_PERIODS):

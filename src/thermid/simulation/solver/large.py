@@ -14,6 +14,7 @@ import numpy as np
 from thermid import _kernel
 from thermid.errors import SolverError
 from thermid.linear_algebra import Array, Ints
+from thermid.network.rows import same_both_ways
 from thermid.simulation.solver.extremes import Turnings
 from thermid.simulation.solver.large_steady import settle_large
 from thermid.simulation.solver.problem import (
@@ -99,7 +100,7 @@ def integrate(
     where: str,
     name: Any,
     extremes: bool = False,
-    left: Callable[[float, Array], str] | None = None,
+    outside: Callable[[float, Array], str] | None = None,
 ) -> LargeAnswer:
     """Return temperatures of a large network from zero to `end` [s]; with `extremes` turning points of what is watched too.
 
@@ -108,7 +109,7 @@ def integrate(
     initial : array (nodes,)    Massless nodes are solved for; levels of nodes that store heat by a table. [K]
     where : str                 Title of the model and the scenario, for messages.
     name : callable             Place of a node -> its name, for messages.
-    left : callable             Time [s] and temperatures (nodes,) [K] -> which tables end there, empty where none does; None where none
+    outside : callable          Time [s] and temperatures (nodes,) [K] -> which tables end there, empty where none does; None where none
                                 is refused outside its points.
 
     Raises
@@ -117,7 +118,7 @@ def integrate(
     """
     sizes = [w.nodes.size for w in watched]
     weights = [w.weights if w.weights.size == w.nodes.size else np.full(w.nodes.size, 1.0 / max(w.nodes.size, 1)) for w in watched]
-    found = network.problem.integrate(
+    raw = network.problem.integrate(
         np.ascontiguousarray(initial),
         0.0,
         float(end),
@@ -132,26 +133,26 @@ def integrate(
         turnings=extremes,
         **limits(options, network.inputs, end),
     )
-    if found.status != _kernel.OK:
-        message = _message(found, options, end, name, any(not g.fixed for g in network.loads))
-        if left is not None and found.status in UNSOLVED:
-            beyond = left(found.time, found.final_temperatures)
-            message = f"at {found.time:.6g} s of {end:.6g} s {beyond}" if beyond else message + MAY_HAVE_LEFT
+    if raw.status != _kernel.OK:
+        message = _message(raw, options, end, name, any(not g.fixed for g in network.loads))
+        if outside is not None and raw.status in UNSOLVED:
+            beyond = outside(raw.time, raw.final_temperatures)
+            message = f"at {raw.time:.6g} s of {end:.6g} s {beyond}" if beyond else message + MAY_HAVE_LEFT
         raise SolverError(message, where)
     statistics = {
-        "method": NAMES[found.method],
+        "method": NAMES[raw.method],
         "reason": "",
-        "steps": found.steps,
-        "rejected": found.rejected,
-        "evaluations": found.evaluations,
-        "iterations": found.iterations,
-        "longest_step": found.longest,
-        "largest_rate": found.rate,
+        "steps": raw.steps,
+        "rejected": raw.rejected,
+        "evaluations": raw.evaluations,
+        "iterations": raw.iterations,
+        "longest_step": raw.longest,
+        "largest_rate": raw.rate,
         "switchings": [],
     }
-    energies = (found.load_energy, found.boundary_energy)
-    turnings = by_column(found.turnings, len(watched)) if extremes else None
-    return LargeAnswer(found.traces, found.fields, initial, found.final_temperatures, found.final_states, *energies, statistics, turnings)
+    energies = (raw.load_energy, raw.boundary_energy)
+    turnings = by_column(raw.turnings, len(watched)) if extremes else None
+    return LargeAnswer(raw.traces, raw.fields, initial, raw.final_temperatures, raw.final_states, *energies, statistics, turnings)
 
 
 def tolerance_of(network: SparseNetwork, options: Options) -> float:
@@ -161,10 +162,10 @@ def tolerance_of(network: SparseNetwork, options: Options) -> float:
     return TABULATED if network.tabulated else TOLERANCE
 
 
-def _message(found: Any, options: Options, end: float, name: Any, follows: bool) -> str:
+def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
     """Return what ran out, when, where and what to change; `follows` as in `runs_away`."""
-    node = f" at '{name(found.node)}'" if found.node >= 0 else ""
-    when = f"at {found.time:.6g} s of {end:.6g} s{node}"
+    node = f" at '{name(raw.node)}'" if raw.node >= 0 else ""
+    when = f"at {raw.time:.6g} s of {end:.6g} s{node}"
     instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
     words = {
         _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance."
@@ -176,7 +177,7 @@ def _message(found: Any, options: Options, end: float, name: Any, follows: bool)
         "not support massless nodes; TR-BDF2 does.",
         _kernel.BAD_INPUT: f"a temperature left the range 0 K to 1e6 K {when}. Check the inputs at that time.",
     }
-    return words.get(found.status, f"the run stopped {when}.")
+    return words.get(raw.status, f"the run stopped {when}.")
 
 
 def refusal(problem: KernelProblem) -> str:
@@ -193,6 +194,8 @@ def refusal(problem: KernelProblem) -> str:
             return f"the {'exponent' if form == 'power' else 'pressure'} of '{name}' changes in time"
         if (form == "hinge of difference" or (curve is not None and curve.over == "difference")) and a >= n:
             return f"'{name}' is a table over a difference that begins at a boundary"
+        if a >= n and curve is None and not same_both_ways(form):
+            return f"'{name}' depends on its direction ({form}) and begins at a boundary"
     heated = {load.control: load.node for load in s.loads}
     first = {load.places[0] for load in s.loads}
     for k, (control, sensor, places, name) in enumerate(s.controls):
@@ -222,10 +225,10 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
         law[: len(places), 0] = c[places]
         control, settings = "", np.zeros((3, 1))
         if j >= 0:
-            control, _, own, _ = s.controls[j]
-            settings[: len(own), 0] = [np.nan if p == places[0] else c[p] for p in own]
-        at = np.array([place[node]], dtype=np.int32)
-        loads.append(LoadGroup(row.form, tag, at, law, follows[places[0]], row.curve, control, settings))
+            control, _, steps, _ = s.controls[j]
+            settings[: len(steps), 0] = [np.nan if p == places[0] else c[p] for p in steps]
+        target = np.array([place[node]], dtype=np.int32)
+        loads.append(LoadGroup(row.form, tag, target, law, follows[places[0]], row.curve, control, settings))
     gains = tuple(follows[g] if g >= 0 else NONE for g in s.gain)
     offsets = np.array([c[k] for k in s.offset], dtype=float)
     capacities, stores = np.zeros(len(first)), {}
@@ -241,17 +244,17 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
 def _places(problem: KernelProblem, a: Assembled) -> Ints:
     """Return the place in the large network of every node; that of the heat that a node holds is the node's own."""
     stored = a.reduced.stored
-    known = {n: k for k, n in enumerate(n for n in problem.nodes if n not in stored)}
-    return np.array([known[stored[n][0] if n in stored else n] for n in problem.nodes], dtype=np.int32)
+    rows = {n: k for k, n in enumerate(n for n in problem.nodes if n not in stored)}
+    return np.array([rows[stored[n][0] if n in stored else n] for n in problem.nodes], dtype=np.int32)
 
 
 def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Array:
     """Return what the small integrator solves for, levels too, from the temperatures of a large network. [K]"""
-    found = temperatures[_places(problem, a)]
+    levels = temperatures[_places(problem, a)]
     for k, name in enumerate(problem.nodes):
         if name in a.reduced.stored:
-            found[k] = float(a.reduced.stored[name][1].level(found[k]))
-    return found
+            levels[k] = float(a.reduced.stored[name][1].level(levels[k]))
+    return levels
 
 
 def _conductors(table: Sequence[PlacedConductor], c: Array, follows: Sequence[int], place: Ints, n: int) -> tuple[Any, list[RowGroup]]:
@@ -265,22 +268,22 @@ def _conductors(table: Sequence[PlacedConductor], c: Array, follows: Sequence[in
         if a >= n and b >= n:
             continue  # heat between two given temperatures changes no unknown
         first, second = (b, a) if a >= n else (a, b)
-        given = follows[places[0]]
-        if form == "linear" and second < n and given < 0:
+        follower = follows[places[0]]
+        if form == "linear" and second < n and follower < 0:
             links.append((first, second, c[places[0]]))
             continue
         exponent = c[places[1]] if len(places) > 1 else 0.0
         boundary = second - n if second >= n else NONE
-        groups.setdefault((form, boundary, given, id(curve), exponent), []).append((first, 0 if boundary >= 0 else second, c[places[0]]))
+        groups.setdefault((form, boundary, follower, id(curve), exponent), []).append((first, 0 if boundary >= 0 else second, c[places[0]]))
         curves[id(curve)] = curve
     ends = np.array([link[:2] for link in links], dtype=np.int32).reshape(-1, 2)
-    made = link_arrays(ends[:, 0], ends[:, 1], np.array([link[2] for link in links], dtype=float), n)
+    arrays = link_arrays(ends[:, 0], ends[:, 1], np.array([link[2] for link in links], dtype=float), n)
     rows = []
-    for (form, boundary, given, curve_id, exponent), found in groups.items():
-        at = np.array([member[:2] for member in found], dtype=np.int32)
-        values = np.array([member[2] for member in found], dtype=float)
-        rows.append(RowGroup(form, boundary, at[:, 0], at[:, 1], values, float(exponent), given, curves[curve_id]))
-    return made, rows
+    for (form, boundary, follower, curve_id, exponent), members in groups.items():
+        pairs = np.array([member[:2] for member in members], dtype=np.int32)
+        values = np.array([member[2] for member in members], dtype=float)
+        rows.append(RowGroup(form, boundary, pairs[:, 0], pairs[:, 1], values, float(exponent), follower, curves[curve_id]))
+    return arrays, rows
 
 
 def integrate_model(
@@ -300,19 +303,19 @@ def integrate_model(
         return problem.left(a, time, _levelled(problem, a, temperatures), NEAR)
 
     beyond = left if problem.refuses else None
-    found = integrate(network, initial, end, times, watched, np.zeros(0), options, problem.title, names.__getitem__, extremes, beyond)
+    raw = integrate(network, initial, end, times, watched, np.zeros(0), options, problem.title, names.__getitem__, extremes, beyond)
     slopes = np.zeros((times.size, len(nodes), 0))
-    energies = (found.load_energy, found.boundary_energy, np.zeros(0))
+    energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
     on = np.zeros(len(problem.control_names), dtype=np.int32)
-    turnings = dict(zip(nodes, found.turnings, strict=True)) if found.turnings is not None else None
+    turnings = dict(zip(nodes, raw.turnings, strict=True)) if raw.turnings is not None else None
     return Answer(
-        found.watched,
+        raw.watched,
         slopes,
         a.initial,
-        np.where(held, found.levels[place], found.final[place]),
+        np.where(held, raw.levels[place], raw.final[place]),
         *energies,
         end,
-        found.statistics,
+        raw.statistics,
         on,
         (),
         turnings,

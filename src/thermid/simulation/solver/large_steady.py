@@ -40,9 +40,9 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
 
     problem, nodes = network.problem, network.capacities.size
     matrix = _Matrix(network)
-    given = [float(network.boundary(k, np.array([time]))[0]) for k in range(len(network.boundaries))]
+    outside = [float(network.boundary(k, np.array([time]))[0]) for k in range(len(network.boundaries))]
     # a small offset keeps the conductance of natural convection above zero at the start
-    temperatures = np.full(nodes, (float(np.mean(given)) if given else ICE_POINT + 20.0) + 1.0)
+    temperatures = np.full(nodes, (float(np.mean(outside)) if outside else ICE_POINT + 20.0) + 1.0)
     precondition, made_by = None, ""
     iterations = 0
 
@@ -52,17 +52,17 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
 
     for k in range(MOST_NEWTON):
         heat, slope, pair, *_ = problem.heat(temperatures, float(time))
-        at = matrix.at(slope, pair)
-        if not (at.diagonal() > 0).all() or (k == 0 and not _held(at, slope)):
+        jacobian = matrix.at(slope, pair)
+        if not (jacobian.diagonal() > 0).all() or (k == 0 and not _held(jacobian, slope)):
             raise SolverError(_no_steady(network), where)
         # laws change by far in the first step from a guess that is uniform: the hierarchy is made anew once
         with threadpool_limits(limits=1):  # matrices of a few rows: threads would only wait for one another
             if nodes <= MOST_DIRECT:
-                change, failed, made_by = _eliminated(at, heat)
+                change, failed, made_by = _eliminated(jacobian, heat)
             else:
                 if precondition is None or k == 1:
-                    precondition, made_by = _preconditioner(at, where)
-                change, info = cg(at, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
+                    precondition, made_by = _preconditioner(jacobian, where)
+                change, info = cg(jacobian, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
                 failed = bool(info)
         size = float(np.abs(change).max())
         if failed or not np.isfinite(size):
@@ -136,13 +136,14 @@ class _Matrix:
 
         data = self.links.data.copy()
         data[self.where] += slope
-        found = csr_array((data, self.links.indices, self.links.indptr), shape=self.links.shape)
+        jacobian = csr_array((data, self.links.indices, self.links.indptr), shape=self.links.shape)
         g = pair[self.between]
         if g.size:
             a, b = self.ends
+            # a row of slope g between a and b adds g (e_a - e_b)(e_a - e_b)'
             rows, columns = np.concatenate((a, b, a, b)), np.concatenate((b, a, a, b))
-            found = (found + coo_array((np.concatenate((-g, -g, g, g)), (rows, columns)), shape=found.shape)).tocsr()
-        return found
+            jacobian = (jacobian + coo_array((np.concatenate((-g, -g, g, g)), (rows, columns)), shape=jacobian.shape)).tocsr()
+        return jacobian
 
 
 def _diagonal_places(matrix: Any) -> Indices:

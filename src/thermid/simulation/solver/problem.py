@@ -75,14 +75,14 @@ class Traces:
 
         Of a melt that supercools, on the branch on which the node itself stands.
         """
-        own = held_in(name)
-        store, level = self.assembled.reduced.stored[own][1], self.stored[:, self.kept.index(own)]
+        state = held_in(name)
+        store, level = self.assembled.reduced.stored[state][1], self.stored[:, self.kept.index(state)]
         kelvin, slope = value_and_slope(store.curve, level)
         if store.melt is None or name not in self.kept:
             return kelvin, slope
         melt, rise = value_and_slope(store.melt.curve, level)
-        seen = self.stored[:, self.kept.index(name)]
-        liquid = np.abs(melt - seen) < np.abs(kelvin - seen)
+        temperature = self.stored[:, self.kept.index(name)]
+        liquid = np.abs(melt - temperature) < np.abs(kelvin - temperature)
         return np.where(liquid, melt, kelvin), np.where(liquid, rise, slope)
 
     def _recovered(self, name: str) -> Array:
@@ -140,12 +140,12 @@ class Options:
         ScenarioError   Which it is.
         """
         for name in ("tolerance", "relative", "input_tolerance", "max_step", "max_steps", "large_tolerance"):
-            given = getattr(self, name)
-            if given is not None and (isinstance(given, bool) or not isinstance(given, Real) or not float(given) >= 0.0):
-                raise ScenarioError(f"it takes a number, zero or above, not {given!r}.", f"Options, {name}")
+            value = getattr(self, name)
+            if value is not None and (isinstance(value, bool) or not isinstance(value, Real) or not float(value) >= 0.0):
+                raise ScenarioError(f"it takes a number, zero or above, not {value!r}.", f"Options, {name}")
         for name, kind in (("method", str), ("extremes", bool)):
-            if not isinstance(given := getattr(self, name), kind):
-                raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {given!r}.", f"Options, {name}")
+            if not isinstance(value := getattr(self, name), kind):
+                raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {value!r}.", f"Options, {name}")
         if not isinstance(self.max_steps, Integral):
             raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps")
 
@@ -343,14 +343,14 @@ def _seen(curve: Curve, a: Array, b: Array) -> Array:
     return a - b if curve.over == "difference" else 0.5 * (a + b)
 
 
-def left_tables(network: Network, numbers: Numbers, at: Callable[[str], Array], times: Array) -> tuple[str, ...]:
-    """Return a sentence for each table that was asked for values outside its points at times [s]; `at`: node -> temperatures. [K]"""
+def left_tables(network: Network, numbers: Numbers, temperatures: Callable[[str], Array], times: Array) -> tuple[str, ...]:
+    """Return a sentence for each table that was asked for values outside its points at times [s]; `temperatures`: of a node. [K]"""
     out = []
     for name, curve, (a, b) in _ranged(network, numbers):
-        seen = _seen(curve, at(a), at(b))
-        beyond = (seen < curve.x[0]) | (seen > curve.x[-1])
+        argument = _seen(curve, temperatures(a), temperatures(b))
+        beyond = (argument < curve.x[0]) | (argument > curve.x[-1])
         if beyond.any():
-            first, low, high = times[beyond.argmax()], float(seen.min()), float(seen.max())
+            first, low, high = times[beyond.argmax()], float(argument.min()), float(argument.max())
             out.append(
                 f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
                 f" {high:.6g} K. Beyond its range the law {GOES_ON[curve.outside]}, so the result is an extrapolation there"
@@ -365,8 +365,8 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
         if curve.limits is None:
             continue
         low, high = curve.limits
-        seen = float(_seen(curve, np.array(temperatures[a]), np.array(temperatures[b])))
-        if not low + near <= seen <= high - near:
+        argument = float(_seen(curve, np.array(temperatures[a]), np.array(temperatures[b])))
+        if not low + near <= argument <= high - near:
             out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
     if not out:
         return ""
@@ -430,7 +430,7 @@ class KernelProblem:
             "control_sensor": ints([p.sensor for p in s.controls]),
             "control_coef": ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
             "tables": tables,
-            "inputs": [kernel_input(given) for given in self.inputs],
+            "inputs": [kernel_input(signal) for signal in self.inputs],
             "follow": follow,
         }
 
@@ -469,7 +469,7 @@ class KernelProblem:
         guards = [guard(p, g) for p in machines for g in p.row.guards]
         sampled = [(p.row, state) for p in s.factors for state in p.row.states if state.factor is not None]
         samplers = [(row.sample, index[state.name], factor(row.name, state.factor)) for row, state in sampled if state.factor is not None]
-        followers = [(given.base, [named(c) for c in given.controls]) for given in s.driven]
+        followers = [(load.base, [named(c) for c in load.controls]) for load in s.driven]
         return {
             "states": sum(len(p.row.states) for p in s.factors),
             "machines": [p.row.starts for p in machines],

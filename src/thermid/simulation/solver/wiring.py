@@ -299,9 +299,9 @@ class ScheduledCoefficients:
         for (r, c), course in self.table.items():
             mine[r][c] = first[course.sample].rows[r].coefficients[c]
         for k in range(len(schedule.rows)) if free else ():
-            own = first[k] if k in first else at(k)
-            _check_masses(own, base, network.title)
-            self._check(k, own, mine)
+            sample = first[k] if k in first else at(k)
+            _check_masses(sample, base, network.title)
+            self._check(k, sample, mine)
         return self._laid(base, mine)
 
     def _check(self, k: int, varied: Varied, mine: list[list[Number]]) -> None:
@@ -330,9 +330,11 @@ class ScheduledCoefficients:
         rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
         count, rest = len(whole.conductors), len(whole.conductors) + len(whole.loads)
         for r in dict.fromkeys(r for r, _ in self.table):
-            place, own = self.places[r], tuple(mine[r])
+            place, coefficients = self.places[r], tuple(mine[r])
             row = rows[place]
-            rows[place] = replace(row, law=replace(row.law, coefficients=own)) if place < count else replace(row, coefficients=own)
+            rows[place] = (
+                replace(row, law=replace(row.law, coefficients=coefficients)) if place < count else replace(row, coefficients=coefficients)
+            )
         return replace(whole, conductors=tuple(rows[:count]), loads=tuple(rows[count:rest]), controls=tuple(rows[rest:]))
 
 
@@ -506,7 +508,7 @@ class Wiring:
         base = network.numbers()
         signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
         needed = {name for row in base.conductors for name in (row.signal, row.second)}
-        gases = {name: given for name, given in network.media.signals().items() if name in needed}
+        gases = {name: signal for name, signal in network.media.signals().items() if name in needed}
         self.streams = {c.path: network.streams.course(c.path, self.scenario.boundaries) for c in network.streams.conductors}
         gases |= {signal_of(path): course for path, course in self.streams.items() if not isinstance(course, Constant)}
         signals |= load_inputs(network, self.scenario, base) | gases
@@ -514,7 +516,7 @@ class Wiring:
         changing = {n: s for n, s in (*signals.items(), *follow.items()) if s.cycle != 0.0}
         self.changing = tuple(dict.fromkeys(_shown(n) for n in changing))
         self.cycle = common_cycle([s.cycle for s in changing.values()])
-        self.signals: dict[str, Drawn] = {name: given.drawn(self.scenario.seconds) for name, given in signals.items()}
+        self.signals: dict[str, Drawn] = {name: signal.drawn(self.scenario.seconds) for name, signal in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         self.courses = ScheduledCoefficients.of(network, self.schedule) if self.schedule is not None else None
         for key, course in self.courses.signals.items() if self.courses is not None else ():
@@ -546,9 +548,9 @@ class Wiring:
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
         return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
 
-    def flowing(self, numbers: Numbers, given: Mapping[str, Number]) -> Numbers:
+    def flowing(self, numbers: Numbers, values: Mapping[str, Number]) -> Numbers:
         """Return the numbers with streams of gas at the temperatures of their sources; the network has them at 20 degC."""
-        offsets = {b: self._offset(b, given) for b in self.network.boundaries if b in given}
+        offsets = {b: self._offset(b, values) for b in self.network.boundaries if b in values}
         return replace(numbers, conductors=tuple(self._flowing(r, offsets) if r.name in self.streams else r for r in numbers.conductors))
 
     def _flowing(self, row: ConductorRow, offsets: Mapping[str, Number]) -> ConductorRow:
@@ -607,24 +609,24 @@ class Wiring:
             free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
         return self.assembled_at(free, values.size if gradients else 0)
 
-    def assembled_at(self, given: Mapping[str, Number], free: int = 0) -> Assembled:
+    def assembled_at(self, values: Mapping[str, Number], free: int = 0) -> Assembled:
         """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
-        numbers = self.flowing(self._numbers({p: given[p] for p in self.parameters if p in given}), given)
+        numbers = self.flowing(self._numbers({p: values[p] for p in self.parameters if p in values}), values)
         reduced = with_stores(reduce_network(self.network, self._marked(numbers), self.gone), self.network.stores)
         reduced = with_controllers(reduced, numbers.controls)
-        return self._build(numbers, reduced, given, free)
+        return self._build(numbers, reduced, values, free)
 
-    def _build(self, numbers: Numbers, reduced: Reduced, given: Mapping[str, Number], free: int) -> Assembled:
-        offsets = {b: self._offset(b, given) for b in self.network.boundaries}
+    def _build(self, numbers: Numbers, reduced: Reduced, values: Mapping[str, Number], free: int) -> Assembled:
+        offsets = {b: self._offset(b, values) for b in self.network.boundaries}
         if self._structure is None:
-            self._structure = self._lay_out(numbers, reduced, offsets, given)
-        coefficients = self._coefficients(numbers, reduced, offsets, given)
+            self._structure = self._lay_out(numbers, reduced, offsets, values)
+        coefficients = self._coefficients(numbers, reduced, offsets, values)
         initial = [
-            _level(reduced.stored[n][1], self._initial_of(reduced.stored[n][0], offsets, given))
+            _level(reduced.stored[n][1], self._initial_of(reduced.stored[n][0], offsets, values))
             if n in reduced.stored
-            else self._initial_state(reduced.controllers[n], offsets, given)
+            else self._initial_state(reduced.controllers[n], offsets, values)
             if n in reduced.controllers
-            else self._initial_of(n, offsets, given)
+            else self._initial_of(n, offsets, values)
             for n in reduced.nodes
         ]
         start = np.array([value_of(v) for v in initial])
@@ -632,17 +634,19 @@ class Wiring:
         jacobian = _csr(coefficients, free) if free else None
         return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
 
-    def every(self, a: Assembled, given: Mapping[str, Number]) -> list[Number]:
-        """Return the coefficients of an assembly as they came out of `given`: formulas where those are formulas."""
-        return self._coefficients(a.numbers, a.reduced, a.offsets, given)
+    def every(self, a: Assembled, values: Mapping[str, Number]) -> list[Number]:
+        """Return the coefficients of an assembly as they came out of `values`: formulas where those are formulas."""
+        return self._coefficients(a.numbers, a.reduced, a.offsets, values)
 
-    def _offset(self, boundary: str, given: Mapping[str, Number]) -> Number:
+    def _offset(self, boundary: str, values: Mapping[str, Number]) -> Number:
         """Return the constant part of a boundary's temperature. [K]"""
-        if boundary not in given:
+        if boundary not in values:
             return self._constant(boundary)
-        return given[boundary] if isinstance(self.signals[f"boundary {boundary}"], Constant) else given[boundary] + 0.0
+        return values[boundary] if isinstance(self.signals[f"boundary {boundary}"], Constant) else values[boundary] + 0.0
 
-    def _coefficients(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> list[Number]:
+    def _coefficients(
+        self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]
+    ) -> list[Number]:
         """Return all coefficients in the order in which the structure names them."""
         out: list[Number] = [c for c in reduced.capacitances.values() if c is not None]
         for b, shift in offsets.items():
@@ -653,7 +657,7 @@ class Wiring:
         for load in numbers.loads:
             if load.node not in self.network.boundaries:
                 powered = load.signal.startswith("load ")
-                out += (self._power(load.name, load.own[0], numbers, given), *load.own[1:]) if powered else load.own
+                out += (self._power(load.name, load.own[0], numbers, values), *load.own[1:]) if powered else load.own
         for load in self._controlled(numbers):
             out += load.settings
         for control in numbers.controls:
@@ -663,7 +667,7 @@ class Wiring:
                 out += rate.own
         return out
 
-    def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> KernelLayout:
+    def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
         """Return which coefficient stands where, the same for all values."""
         self.used = {name: k for k, name in enumerate(self.signals)}
         make = _Builder(self.used)
@@ -675,7 +679,7 @@ class Wiring:
             offset.append(make.add(shift))
         index = {n: k for k, n in enumerate((*reduced.nodes, *self.network.boundaries))}
         conductors = self._conductors(reduced.conductors, make, index)
-        loads = self._loads(numbers, make, index, given)
+        loads = self._loads(numbers, make, index, values)
         controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
         factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
         rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
@@ -797,20 +801,20 @@ class Wiring:
             places.append(next(load.places[0] for load in loads if load.row.name == row.name))
         return PlacedControl(row.control, index[row.sensor], places, row.name)
 
-    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], given: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
+    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], values: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
         out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
                 continue  # heat into a given temperature changes nothing
             places = [
                 make.add(number, signal, row.controls if c == 0 else ())
-                for c, (number, signal) in enumerate(self._load_coefficients(row, position, numbers, given))
+                for c, (number, signal) in enumerate(self._load_coefficients(row, position, numbers, values))
             ]
             control = controls.index(row.name) if row.control else -1
             out.append(PlacedLoad(row, index[row.node], places, control, index[row.node]))
         return tuple(out)
 
-    def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, given: Mapping[str, Number]) -> list[tuple[Number, str]]:
+    def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, values: Mapping[str, Number]) -> list[tuple[Number, str]]:
         """Return the coefficients of a load's law, each with the input that it is multiplied by."""
         out = []
         for c, coefficient in enumerate(row.own):
@@ -819,23 +823,23 @@ class Wiring:
             if follow and signal and self.signals[signal] != Constant(1.0):
                 raise ScenarioError(f"load '{row.name}' follows both a command and a schedule. Combine them into one.", self.scenario.title)
             if c == 0 and signal.startswith("load "):
-                number = self._power(row.name, coefficient, numbers, given)
+                number = self._power(row.name, coefficient, numbers, values)
             out.append((number, follow or signal))
         return out
 
-    def _power(self, load: str, watts: Number, numbers: Numbers, given: Mapping[str, Number]) -> Number:
+    def _power(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
         """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
-            return gain * given[f"scale.{load}"] if f"scale.{load}" in given else gain
+            return gain * values[f"scale.{load}"] if f"scale.{load}" in values else gain
         if f"watts {load}" in self.signals:
-            return given.get(f"scale.{load}", 1.0)
-        return watts * given[f"scale.{load}"] if f"scale.{load}" in given else watts
+            return values.get(f"scale.{load}", 1.0)
+        return watts * values[f"scale.{load}"] if f"scale.{load}" in values else watts
 
-    def _initial_of(self, node: str, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> Number:
+    def _initial_of(self, node: str, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> Number:
         """Return the initial temperature of a node; NaN stands for one that is still to be solved for. [K]"""
-        if f"initial.{node}" in given:
-            return given[f"initial.{node}"]
+        if f"initial.{node}" in values:
+            return values[f"initial.{node}"]
         value = self._initial.get(node, self._start)
         if value == STEADY:
             return float("nan")
@@ -843,12 +847,12 @@ class Wiring:
             return offsets[value] + self._signal_start(value)
         return value
 
-    def _initial_state(self, begins: Number | str, offsets: Mapping[str, Number], given: Mapping[str, Number]) -> Number:
+    def _initial_state(self, begins: Number | str, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> Number:
         """Return where the state of a controller begins; NaN where the start is still to be solved for. [K]"""
         if self._start == STEADY:
             return float("nan")
         if isinstance(begins, str):
-            return offsets[begins] + self._signal_start(begins) if begins in offsets else self._initial_of(begins, offsets, given)
+            return offsets[begins] + self._signal_start(begins) if begins in offsets else self._initial_of(begins, offsets, values)
         return begins
 
     def _signal_start(self, boundary: str) -> float:
