@@ -118,7 +118,7 @@ PARTS = {
     "kernel": Part("random networks of the kernel, against exponentials and scipy", 0.15, kernels),
     "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements, "500"),
     "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills, "each call of eight jobs"),
-    "outputs": Part("outputs of commands aimed at inputs", 0.05, outputs),
+    "outputs": Part("outputs of commands aimed at inputs, by four names of each", 0.05, outputs, "every output at every file"),
     "hostile": Part("hostile requests to the studio", 0.1, hostile, "10,000"),
     "logs": Part("large, packed, exchanged and silent logs, closed pipes, signals", 0.05, logs),
 }
@@ -156,7 +156,9 @@ def page(kept: dict[str, Found]) -> str:
     rows = []
     for name, part in PARTS.items():
         of = kept.get(name, {"counts": {}, "findings": [], "seed": "", "day": "not run"})
-        rows.append(f"| {part.title} | {sum(of['counts'].values()):,} | {part.aim} | {len(of['findings'])} | {of['seed']} | {of['day']} |")
+        every = of.get("of", {})
+        aim = f"{4 * every['outputs'] * every['kinds']:,}" if every else part.aim
+        rows.append(f"| {part.title} | {sum(of['counts'].values()):,} | {aim} | {len(of['findings'])} | {of['seed']} | {of['day']} |")
     by = {how: kept.get(how, {"counts": {}})["counts"] for how in ("python", "commands")}
     kinds = list(dict.fromkeys(name for how in by for name in by[how]))
     inside = {
@@ -164,7 +166,9 @@ def page(kept: dict[str, Found]) -> str:
         "elements": [f"| {name} | {number:,} |" for name, number in kept.get("elements", {}).get("kinds", {}).items()],
         "ends": [f"{number:,} {how}" for how, number in kept.get("elements", {"counts": {}})["counts"].items()],
         "others": [
-            f"| {name} | {number:,} |" for part in ("kills", "hostile", "logs") for name, number in named(part, kept.get(part)).items()
+            f"| {name} | {number:,} |"
+            for part in ("outputs", "kills", "hostile", "logs")
+            for name, number in named(part, kept.get(part)).items()
         ],
         "findings": [f"- {each}" for n in PARTS for each in kept.get(n, {"findings": []})["findings"]] or ["None."],
         "caps": [f"| `{name}` | {most:g} | {what} |" for name, (most, what) in CAPS.items()],
@@ -179,6 +183,9 @@ def page(kept: dict[str, Found]) -> str:
 
 def named(part: str, found: Found | None) -> dict[str, int]:
     """Return the counts of a part with names that say what they count."""
+    if part == "outputs":
+        every = (found or {}).get("of", {})
+        return {what: every[key] for key, what in (("outputs", "outputs of commands"), ("kinds", "files they are aimed at")) if every}
     words = {"kills": "job: {}", "hostile": "answers of {} to hostile requests", "logs": "{}"}
     silent = {"0": "closed without a word"}
     return {words[part].format(silent.get(name, name)): number for name, number in (found or {"counts": {}})["counts"].items()}

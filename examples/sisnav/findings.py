@@ -76,7 +76,7 @@ def verdicts(work: Work) -> Table:
 def recovered(work: Work) -> Table:
     """Return what the campaign found beside what is hidden."""
     rows: list[Line] = []
-    for r in work.recovered():
+    for r in work.recovered:
         share = 100 * r.found.error / abs(r.found.value)
         look = Cell("✓ inside", "", "good") if r.inside else Cell("outside", "", "bad")
         told = "not told by the data: its prior" if share > 30 else "weakly" if share > 10 else "yes"

@@ -7,7 +7,7 @@ from typing import Any
 
 import drawings
 import findings
-from work import BENCH, HERE, Work
+from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
 from thermid.reporting.blocks.content import (
@@ -52,12 +52,11 @@ def inline(svg: str) -> str:
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
 
 
-def outcome(work: Work) -> list[PageBlock]:
-    """Return the study in five facts."""
+def outcome(work: Work, runs: list[Vacuum]) -> list[PageBlock]:
+    """Return the study in five facts; `runs` are the whole unit's without gas."""
     natural, constant = work.natural, work.constant
     worst = max(c.found for v in natural.verdicts for c in v.checks if c.criterion == "max_error")
-    found = work.recovered()
-    runs = work.vacuum("m_Sd", SEEN)
+    found = work.recovered
     inside, wide = sum(r.inside for r in runs), 100 * max(r.half_width for r in runs)
     failed = sum(not v.passed for v in constant.verdicts)
     return [
@@ -100,7 +99,7 @@ def levels(work: Work) -> Section:
             "The unit behind the logs was looked at when everything was fitted and judged. Coefficients are compared as effective ones at "
             "one temperature: convection and radiation are hardly separable in air, so their sum is known far better than either."
         ),
-        folded("Found and hidden, value by value", [findings.recovered(work)], f"{len(work.recovered())} values"),
+        folded("Found and hidden, value by value", [findings.recovered(work)], f"{len(work.recovered)} values"),
         folded("Hidden temperatures of the held-out logs", [findings.hidden(work)], "sensor by sensor"),
         folded("Other parameters by level", [tables.levels(work.natural)[1]], "natural structure"),
         Facts(tuple((name, f"{steady[path] - 273.15:.1f} °C") for name, path in SEEN.items())),
@@ -221,9 +220,8 @@ def equations() -> Section:
     return Section.of("equations", "Equations 4 to 6, derived", blocks, "Equations")
 
 
-def scenarios(work: Work) -> Section:
+def scenarios(work: Work, runs: list[Vacuum]) -> Section:
     """Return temperature, humidity and vacuum."""
-    runs = work.vacuum("m_Sd", SEEN)
     alone = [run for part in ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV") for run in work.vacuum(part, {part: "case"})]
     humid = td.simulate(work.study.model, BENCH.with_(environment={"cv": td.network.Environment(humidity=0.9)}))
     bound = td.simulate(td.load_model(HERE / "Acc.toml"), BENCH.vacuum(as_printed=True))
@@ -283,12 +281,15 @@ LIMITS = (
 
 def main(work: Work, to: Path, audience: str = "all") -> Path:
     """Write the page and return its path."""
+    runs = work.vacuum("m_Sd", SEEN)
     sections = [
         levels(work),
         figures(work),
         equations(),
-        scenarios(work),
+        scenarios(work, runs),
         Section.of("slips", "25 slips of the document, and what became of each", [findings.slips(work)], "Slips"),
         Section.of("limits", "What this study cannot say", [Notes(LIMITS)], "Limits of the study"),
     ]
-    return study_report(work.study, work.natural, to=to, sections=sections, outcome=outcome(work), watermark=WATERMARK, audience=audience)
+    return study_report(
+        work.study, work.natural, to=to, sections=sections, outcome=outcome(work, runs), watermark=WATERMARK, audience=audience
+    )

@@ -179,8 +179,9 @@ class Work:
         radiation = radiation_conductance(radiation_coefficient(float(values[f"{surface}.emissivity"]), 1.0), kelvin, laboratory.AMBIENT)
         return convection + float(radiation)
 
-    def recovered(self) -> list[Recovered]:
-        """Return everything that the campaign found, beside what is hidden; coefficients as effective ones, convection and radiation."""
+    @cached_property
+    def recovered(self) -> tuple[Recovered, ...]:
+        """Everything that the campaign found, beside what is hidden; coefficients as effective ones, convection and radiation."""
         out = []
         for stage in self.natural:
             truth = td.network.compile_network(self.hidden.models[self.natural[stage].model.title]).numbers().values
@@ -191,7 +192,7 @@ class Work:
                     out.append(Recovered(stage, f"{surface}, effective", found, true, "W/(m^2 K)"))
                 else:
                     out.append(Recovered(stage, path, Value(v.value, v.error), float(truth[path]), v.unit))
-        return out
+        return tuple(out)
 
     def vacuum(self, stage: str, nodes: dict[str, str]) -> list[Vacuum]:
         """Return what a stage's model says without gas at nodes (label -> path), beside the hidden truth and the printed bound."""

@@ -82,7 +82,7 @@ def figures(done: work.Work) -> dict[str, str]:
 
 def text(done: work.Work) -> str:
     """Return the page."""
-    found = done.recovered()
+    found = done.recovered
     inside = sum(r.inside for r in found)
     worst = {
         name: max(c.found for v in campaign.verdicts for c in v.checks if c.criterion == "max_error")

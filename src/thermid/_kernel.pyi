@@ -28,6 +28,7 @@ RUN_AWAY: Final[int]
 SINGULAR_NODE: Final[int]
 BAD_INPUT: Final[int]
 CHATTER: Final[int]
+TOO_HOT: Final[int]
 
 # The tables of laws: form -> (kind, coefficients, tables, linear in temperatures, one way). Each kind is also a constant by the name
 # in its row of laws.hpp, which only tests use.

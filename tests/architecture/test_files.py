@@ -29,6 +29,7 @@ WRITES = {
 PLACES = {
     ("thermid.files", "writing is its work"),
     ("thermid.acquire.benchlog", "the logger appends, line by line, each on disk before the next is read"),
+    ("thermid.acquire.capture", "lines of a port are appended to a file that is new"),
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""

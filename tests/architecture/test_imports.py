@@ -96,7 +96,7 @@ ARROWS |= {
     "estimation": LOW | FIT,
     "explain": LOW | FIT | {"power"},
     "judge": LOW | FIT | {"sourced", "prediction"},
-    "prediction": LOW | FIT,
+    "prediction": LOW | FIT | {"explain"},
     "design": LOW | FIT | {"prediction"},
     "inference": LOW | FIT | {"design"},
     "campaign": LOW | FIT | {"judge", "inference", "explain", "power"},

@@ -104,7 +104,7 @@ def added(source: str, name: str, above: str, table: str, row_above: str) -> str
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the package as the contributor leaves it."""
     folder = tmp_path_factory.mktemp("bolts")
-    shutil.copytree(PACKAGE, folder / "src" / "thermid", ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+    shutil.copytree(PACKAGE, folder / "src" / "thermid", ignore=shutil.ignore_patterns("*.so"))
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
     kinds = folder / "src" / "thermid" / "model" / "parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")

@@ -23,7 +23,7 @@ ELSEWHERE = {
 }
 """Second words of blocks that test_contributing.py runs."""
 FOREIGN = {"KINDS", "TypeError", "math.sqrt", "csv", "pandas.read_csv"}
-FOREIGN |= {"td.run", "td.page", "repeat", "element.field", "STABLE_ABI", "PyErr_CheckSignals"}
+FOREIGN |= {"td.run", "td.page", "repeat", "element.field", "STABLE_ABI", "PyErr_CheckSignals", "ARROWS"}
 """Words of decisions that are no names here: of Python and other libraries; and what was not chosen, or stands for any name."""
 MADE = {*PICTURES, *virtual_pages()}
 PARTS = ["Question", "Choices", "Decision", "What would change our mind"]

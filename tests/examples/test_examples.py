@@ -135,23 +135,6 @@ def test_07_pad(copy: Path) -> None:
     assert 4.0 < number(r"warmer by up to (\S+) K", said) < 12.0
 
 
-@pytest.mark.slow
-def test_demo(copy: Path, tmp_path: Path) -> None:
-    """The whole study, from logs to its page; what it finds is tested in test_sisnav."""
-    for package in ("matplotlib", "jinja2", "sympy"):
-        pytest.importorskip(package)
-    said = run(copy / "demo.py", tmp_path / "out")
-    page = Path(said.splitlines()[-1].removeprefix("report page: "))
-    assert page == tmp_path / "out" / "report.html"
-    text = page.read_text(encoding="utf-8")
-    for words in ("DEMONSTRATION", "synthetic", "Table 2", "light grey", "Eq. 4", "E25", "95 % interval"):
-        assert words in text, words
-    assert said.count("natural: ") == 9 + 3 + 3  # every level, every verdict while it is made and as it ends
-    assert "FAILED" not in " ".join(line for line in said.splitlines() if "natural: " in line)
-    for structure in ("constant", "natural"):
-        assert (tmp_path / "out" / "results" / structure / "m_Sd.values.toml").is_file()
-
-
 def test_the_decks_of_all_lessons_are_without_errors(copy: Path) -> None:
     from thermid.model.deck.modelfile import load_model
 

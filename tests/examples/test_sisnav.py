@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
+import io
+import runpy
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,22 +21,57 @@ from webpage import crossings, faults, limited, without_script
 STUDY = Path(__file__).parents[2] / "examples" / "sisnav"
 
 
-@pytest.fixture(scope="module")
-def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    spec = importlib.util.spec_from_file_location("laboratory", STUDY / "laboratory.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["laboratory"] = module
-    spec.loader.exec_module(module)
-    folder = tmp_path_factory.mktemp("laboratory")
-    module.main(folder)
-    return folder
+@dataclass(frozen=True)
+class Demonstration:
+    """What ``python demo.py FOLDER`` wrote, said, and had in hand."""
+
+    folder: Path
+    said: str
+    complained: str
+    work: Any
 
 
 @pytest.fixture(scope="module")
-def campaign(laboratory: Path) -> td.Campaign:
-    return td.run_stages(STUDY / "campaign.toml", data=laboratory)
+def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
+    """The demonstration as a script, in this process: its campaigns are looked at below."""
+    for package in ("matplotlib", "jinja2", "sympy"):
+        pytest.importorskip(package)
+    folder, said, complained, done = tmp_path_factory.mktemp("demo") / "out", io.StringIO(), io.StringIO(), []
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(complained):
+        patch.syspath_prepend(STUDY)
+        work = import_module("work")
+        run = work.run
+        patch.setattr(work, "run", lambda *given: done.append(run(*given)) or done[-1])
+        # an eighth of the members where derivatives do not do: no test looks at the width of a band
+        patch.setattr("thermid.prediction.predict.DRAWN", 250)
+        patch.setattr(sys, "argv", ["demo.py", str(folder)])
+        runpy.run_path(str(STUDY.parent / "demo.py"), run_name="__main__")
+    return Demonstration(folder, said.getvalue(), complained.getvalue(), done[0])
+
+
+@pytest.fixture(scope="module")
+def laboratory(demonstration: Demonstration) -> Path:
+    return demonstration.folder
+
+
+@pytest.fixture(scope="module")
+def campaign(demonstration: Demonstration) -> td.Campaign:
+    return demonstration.work.constant
+
+
+def test_demo(demonstration: Demonstration) -> None:
+    """The whole study, from logs to its page."""
+    said, folder = demonstration.said, demonstration.folder
+    assert demonstration.complained == ""
+    page = Path(said.splitlines()[-1].removeprefix("report page: "))
+    assert page == folder / "report.html"
+    text = page.read_text(encoding="utf-8")
+    for words in ("DEMONSTRATION", "synthetic", "Table 2", "light grey", "Eq. 4", "E25", "95 % interval"):
+        assert words in text, words
+    assert said.count("natural: ") == 9 + 3 + 3  # every level, every verdict while it is made and as it ends
+    assert "FAILED" not in " ".join(line for line in said.splitlines() if "natural: " in line)
+    for structure in ("constant", "natural"):
+        assert (folder / "results" / structure / "m_Sd.values.toml").is_file()
 
 
 def test_every_log_says_that_it_is_synthetic(laboratory: Path) -> None:

@@ -15,7 +15,18 @@ from thermid.model.laws.curves import Curve
 from thermid.model.laws.signal import Constant, Sine, TableSignal
 from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
-STATUS = ("OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER")
+STATUS = (
+    "OK",
+    "MAX_STEPS",
+    "STEP_UNDERFLOW",
+    "NEWTON_FAILED",
+    "NON_FINITE",
+    "RUN_AWAY",
+    "SINGULAR_NODE",
+    "BAD_INPUT",
+    "CHATTER",
+    "TOO_HOT",
+)
 TIGHT = {"atol": 1e-9, "rtol": 1e-10, "input_atol": 1e-7}
 NOT_ASKED = "not asked"
 NAMES = {getattr(k, name): name for name in STATUS}

@@ -148,6 +148,8 @@ def test_hostile_names_of_profiles_and_channels_stay_text(shown: Page) -> None:
     assert EVIL in shown.text("#scenario-title")
     open_log(shown)
     assert "<script>" in shown.text("#channels")
+    assert "no stop advised" in shown.text("#bench-watch").lower()
+    assert "the model is not used" in shown.text("#bench-watch")
     assert shown.run("return window.evil") is None
     shown.clean()
 

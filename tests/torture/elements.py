@@ -462,7 +462,7 @@ class Truth:
 
     def rates(self, t: float, y: Array) -> Array:
         self.calls += 1
-        if self.calls > 60_000:
+        if self.calls > 200_000:
             raise NoVerdictError
         n, every = self.n, self.temperatures(t, y)
         n.integral = y[self.size :]

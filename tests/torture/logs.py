@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from unit.cli.test_outputs import contents, laboratory
-from unit.test_caps import book, hdf5, matlab
+from unit.test_caps import book, hdf5, matlab, sheet
 
 ROWS = 10_000_000
 MEMORY = 1 << 30
@@ -87,7 +87,7 @@ def _bombs(a: Attack) -> None:
     for make in (hdf5, matlab, lambda f: book(f, empty=300_000)):
         a.judge("files that unpack to more than the cap", a.run("look", make(a.folder).name, memory=2 * MEMORY), (2,), "cap 'unpacked'")
     del os.environ["THERMID_CAPS"]
-    for name in ("zeros.csv.gz", book(a.folder, "XFD1048576").name):
+    for name in ("zeros.csv.gz", book(a.folder, "XFD1048576").name, sheet(a.folder, 1_048_570, 16_000).name):
         a.judge("files that unpack to more than the cap", a.run("look", name, memory=2 * MEMORY), (2,), "cap 'unpacked'")
 
 

@@ -30,6 +30,7 @@ def test_a_sample_of_every_kind_of_element_beside_radau() -> None:
     found = elements.campaign(4, 1164)  # the last one has most kinds
     assert found["findings"] == []
     assert found["counts"]["right"] == 4
+    assert elements.judged(424)[:2] == ("right", "")  # its balance was open by 1.2e-9 of the heat
     assert elements.judged(1169)[:2] == ("refused", "")  # wrong on purpose
     assert {"Peltier", "supercooling", "duct", "thermostat of a load", "control by table", "carried_by", "orbit"} <= {*found["kinds"]}
 

@@ -98,6 +98,33 @@ def book(folder: Path, last: str = "B2", empty: int = 0) -> Path:
     return folder / "log.xlsx"
 
 
+def sheet(folder: Path, rows: int = 2, columns: int = 1, empty: int = 0) -> Path:
+    """An OpenDocument workbook whose second row, and the cells in it, stand there so many times; then so many empty rows."""
+    pytest.importorskip("python_calamine")
+    space = "urn:oasis:names:tc:opendocument:xmlns"
+    names = " ".join(f'xmlns:{word}="{space}:{word}:1.0"' for word in ("office", "table", "text"))
+    words = [f'<table:table-cell office:value-type="string"><text:p>{w}</text:p></table:table-cell>' for w in ("time_s", "T [degC]")]
+    value = 'office:value-type="float" office:value="{0}"><text:p>{0}</text:p></table:table-cell>'
+    row = f'<table:table-cell {value.format(0)}<table:table-cell table:number-columns-repeated="{columns}" {value.format(20)}'
+    body = (
+        f'<table:table-row>{"".join(words)}</table:table-row><table:table-row table:number-rows-repeated="{rows}">{row}</table:table-row>'
+    )
+    if empty:
+        body += f'<table:table-row table:number-rows-repeated="{empty}"><table:table-cell/></table:table-row>'
+    kind, manifest = "application/vnd.oasis.opendocument.spreadsheet", f"{space}:manifest:1.0"
+    parts = {
+        "mimetype": kind,
+        "META-INF/manifest.xml": f'<manifest:manifest xmlns:manifest="{manifest}"><manifest:file-entry manifest:full-path="/" '
+        f'manifest:media-type="{kind}"/></manifest:manifest>',
+        "content.xml": f'<office:document-content {names} office:version="1.2"><office:body><office:spreadsheet>'
+        f'<table:table table:name="S">{body}</table:table></office:spreadsheet></office:body></office:document-content>',
+    }
+    with zipfile.ZipFile(folder / "log.ods", "w") as archive:
+        for name, text in parts.items():
+            archive.writestr(name, text, None if name == "mimetype" else zipfile.ZIP_DEFLATED)
+    return folder / "log.ods"
+
+
 def packed(folder: Path) -> Path:
     (folder / "log.csv.gz").write_bytes(gzip.compress(LOG.encode(), mtime=0))
     return folder / "log.csv.gz"
@@ -144,6 +171,7 @@ ASKED: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "unpacked in MATLAB": ("1e6", lambda f: read_plain(matlab(f))),
     "unpacked in a workbook": ("1e3", lambda f: read_plain(book(f))),
     "unpacked in a sheet that is nearly empty": ("1e5", lambda f: read_plain(book(f, "B4000"))),
+    "unpacked in a workbook of OpenDocument": ("1e5", lambda f: read_plain(sheet(f, 4000))),
     "outputs": ("50", lambda f: run()),
     "stored": ("50", lambda f: run()),
     "samples": ("100", lambda f: pulsed()),
@@ -207,6 +235,13 @@ def test_a_workbook_whose_last_cell_is_far_out_does_not_end_the_process(tmp_path
     """1.4 kB; the library would hold 1.7e10 cells and abort."""
     with pytest.raises(RecordError, match="unpacks to 858993 MB"):
         read_plain(book(tmp_path, "XFD1048576"))
+
+
+def test_a_cell_that_stands_in_a_million_rows_does_not_end_the_process(tmp_path: Path) -> None:
+    """700 bytes; rows that are empty to the last one of the sheet, as LibreOffice writes them, count nothing."""
+    with pytest.raises(RecordError, match="unpacks to 838909 MB"):
+        read_plain(sheet(tmp_path, 1_048_570, 16_000))
+    assert len(read_plain(sheet(tmp_path, 40, 3, empty=1_048_500)).cells.lines) == 40
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names")

@@ -238,6 +238,6 @@ NB_MODULE(_kernel, m) {
     bind_leastsquares(m);
     const char* in[] = {"SAMPLED_LINEAR", "SAMPLED_HOLD", "SINE", "CONSTANT", "FOLLOWED"};
     for (int k = 0; k < INPUT_KINDS; ++k) m.attr(in[k]) = k;
-    const char* st[] = {"OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER"};
-    for (int k = 0; k <= CHATTER; ++k) m.attr(st[k]) = k;
+    const char* st[] = {"OK", "MAX_STEPS", "STEP_UNDERFLOW", "NEWTON_FAILED", "NON_FINITE", "RUN_AWAY", "SINGULAR_NODE", "BAD_INPUT", "CHATTER", "TOO_HOT"};
+    for (int k = 0; k <= TOO_HOT; ++k) m.attr(st[k]) = k;
 }

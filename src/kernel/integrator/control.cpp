@@ -70,6 +70,7 @@ bool Integrator::attempt(Outputs& out, double& next) {
         return false;
     }
     if (leftover_) improve();
+    if (closes_) close_balance();
     check_state();
     dense(inside_);
     if (watch) {

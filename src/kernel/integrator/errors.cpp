@@ -157,7 +157,7 @@ void Integrator::improve() {
         T1_[i] -= SHED[0] * (e1[i] - e2[i]) + SHED[1] * (e2[i] - e3[i]);
         delta_[i] = SHED[0] * e2[i] + SHED[1] * e3[i];
     }
-    if (o_.energy) e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
+    if (o_.energy || closes_) e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
     if (np_ == 0) return;
     const double *from[2] = {e1, e2}, *to[2] = {e2, e3};
     for (int k = 0; k < 2; ++k) {  // G_ holds the derivatives of e1, then of e2
@@ -168,6 +168,23 @@ void Integrator::improve() {
         filter_sensitivity(to[k], G_.data());
     }
     add(S1_.data(), SHED[1], G_.data(), static_cast<int>(n_ * np));
+}
+
+// What Newton leaves in the stages, some nanokelvins, is heat that came from nowhere: the end of the step takes it up, as one more iteration of
+// Newton for all stages together, and heats follow. Where the Jacobian is constant nothing is left.
+void Integrator::close_balance() {
+    std::fill(delta_.begin(), delta_.end(), 0.0);
+    const Conductors& c = p_.con;
+    for (int r = 0; r < c.size(); ++r) {
+        delta_[c.b[r]] += acc_con_[r];
+        if (!is(c.kind[r], ONE_WAY)) delta_[c.a[r]] -= acc_con_[r];
+    }
+    for (int r = 0; r < p_.load.size(); ++r) delta_[p_.load.node[r]] += acc_load_[r];
+    std::fill(delta_.begin() + n_, delta_.end(), 0.0);  // boundaries stay where they are
+    for (int i = 0; i < n_; ++i) delta_[i] = h_ * delta_[i] - cap_[i] * (T1_[i] - T_[i]);
+    lu_.solve(delta_.data());
+    for (int i = 0; i < n_; ++i) T1_[i] += delta_[i];
+    e_.lean(GAMMA, delta_.data(), acc_con_.data(), acc_load_.data());
 }
 
 // The jumps of projected inputs show in the estimate, although improve() takes most of what they do away: no finer than those inputs are

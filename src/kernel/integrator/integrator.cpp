@@ -70,6 +70,7 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
     }
     index_slaved(massless_);
     holds_ = p.holds();
+    closes_ = !constant_ && holds_.empty();
     need_u_ = !p.guards.empty();  // guards are looked at before the first output is
     for (const Guard& g : p.guards)
         for (int i : g.of.node) {
@@ -111,7 +112,7 @@ void Integrator::check_state() {
     for (int i = 0; i < n_; ++i) {
         if (!std::isfinite(T1_[i])) throw Failure{NON_FINITE, i};
         if (p_.is_state(i) || (T1_[i] > COLDEST && T1_[i] < 1e5)) continue;
-        if (!(T_[i] > COLDEST && T_[i] < 1e5)) throw Failure{RUN_AWAY, i};  // a massless node that has stood there since the start
+        if (!(T_[i] > COLDEST && T_[i] < 1e5)) throw beyond(p_, i, T1_[i]);  // a massless node that has stood there since the start
         for (int k = 0; k < n_; ++k) err_[k] = T1_[k] - T_[k];
         throw Failure{RUN_AWAY, worst(err_)};
     }

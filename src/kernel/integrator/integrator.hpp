@@ -12,7 +12,7 @@
 
 namespace thermid {
 
-enum Status { OK = 0, MAX_STEPS, STEP_UNDERFLOW, NEWTON_FAILED, NON_FINITE, RUN_AWAY, SINGULAR_NODE, BAD_INPUT, CHATTER };
+enum Status { OK = 0, MAX_STEPS, STEP_UNDERFLOW, NEWTON_FAILED, NON_FINITE, RUN_AWAY, SINGULAR_NODE, BAD_INPUT, CHATTER, TOO_HOT };
 
 struct Options {
     double rtol = 2e-8, atol = 2e-7, input_atol = 1e-4, max_step = std::numeric_limits<double>::infinity();
@@ -42,6 +42,11 @@ struct Result {
 };
 
 struct Failure { int status, node; };
+
+// What a temperature beyond every range says: a massless node has not risen there, it rests there.
+inline Failure beyond(const Problem& p, int node, double t) {
+    return {p.capacity[node] < 0 && !p.is_state(node) && t > 0.0 ? TOO_HOT : RUN_AWAY, node};
+}
 
 // Nodes that follow the others without delay: massless ones, and ones far faster than the step.
 struct Slaved {
@@ -120,6 +125,7 @@ class Integrator {
     std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_;
     std::vector<char> counts_;
     bool curved_ = false;    // some law is not linear in temperature
+    bool closes_ = false;    // what Newton leaves is taken up at the end of each step
     bool constant_ = false;  // the Jacobian: no law is curved, no conductance follows an input
     std::vector<double> SO_;
     double end_ = 0.0;       // t_ + h_, exact where a break is
@@ -150,6 +156,7 @@ class Integrator {
     double sensitivity_error();
     void filter_sensitivity(const double* e, double* G);
     void improve();
+    void close_balance();
     double tolerance() const;
 
     // slaved.cpp

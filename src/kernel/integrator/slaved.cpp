@@ -148,17 +148,23 @@ void Integrator::solve_slaved(Slaved& s, Evaluation& e, const double* heat) {
         slaved_jacobian(s, e, row_.data());
         factor_slaved(s, row_.data());
     };
-    double last = std::numeric_limits<double>::infinity();
+    double last = std::numeric_limits<double>::infinity(), most = 100.0;  // [K]
+    int uncut = 0;
     for (int it = 0; it < 120; ++it) {
         slaved_rows(s, e);
         if (!s.factored) refresh();
         for (int k = 0; k < m; ++k) xa_[k] = e.f[s.nodes[k]] - (heat ? heat[k] : 0.0);
         s.lu.solve(xa_.data());
-        // Full steps may hop to and fro over the corner of a clamped law; half ones end there.
-        double size = 0.0, damp = it > 8 ? 0.5 : 1.0;
+        double size = 0.0, damp = 1.0;
         for (int k = 0; k < m; ++k) size = std::max(size, std::fabs(xa_[k]));
         if (!std::isfinite(size)) throw Failure{NON_FINITE, s.nodes[0]};
-        if (size > 100.0) damp *= 100.0 / size;  // far from the solution T^4 overshoots
+        if (size > most) {  // far from the solution T^4 overshoots
+            damp = most / size;
+            most *= 1.5;
+            uncut = 0;
+        } else if (++uncut > 8) {
+            damp = 0.5;  // full steps may hop to and fro over the corner of a clamped law; half ones end there
+        }
         for (int k = 0; k < m; ++k) e.t[s.nodes[k]] -= damp * xa_[k];
         // The next change would be below 1e-12 K, or rounding is all that is left: a node tied closely to one that holds its heat turns a
         // millionth of a kelvin into watts.

@@ -203,7 +203,8 @@ bool Integrator::stages() {
     const size_t n = n_;
     std::fill(acc_con_.begin(), acc_con_.end(), 0.0);
     std::fill(acc_load_.begin(), acc_load_.end(), 0.0);
-    if (o_.energy) add_energy(0, false);
+    const bool heats_wanted = o_.energy || closes_;
+    if (heats_wanted) add_energy(0, false);
     iteration_matrix(J0_.data());
     for (int s = 1; s < STAGES; ++s) {
         const double* from[STAGES];
@@ -219,9 +220,9 @@ bool Integrator::stages() {
         if (!holds_.empty()) pass_on();
         heats(F_.data() + s * n, cap_.data(), e_.t.data(), T_.data(), base_.data(), h_ * GAMMA, n_);
         // The rows stand at the last iterate; heats and derivatives are wanted at the solution.
-        const bool again = holds_.empty() && last_size_ > (np_ == 0 ? 1e-5 : leftover_ ? 0.02 * tolerance() : 1e-9) && (np_ > 0 || (o_.energy && curved_));
+        const bool again = holds_.empty() && last_size_ > (np_ == 0 ? 1e-5 : leftover_ ? 0.02 * tolerance() : 1e-9) && (np_ > 0 || (heats_wanted && curved_));
         if (again) e_.rows();
-        if (o_.energy) add_energy(s, !again && holds_.empty());
+        if (heats_wanted) add_energy(s, !again && holds_.empty());
         if (np_ > 0) {
             if (!constant_) {
                 e_.slopes(J1_.data());

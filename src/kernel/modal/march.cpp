@@ -330,7 +330,8 @@ void Modal::march(const double* outputs, long noutputs, const int* obs, int nobs
     for (size_t i = 0, n = sane_ ? 0 : static_cast<size_t>(noutputs) * nobs; i < n; ++i) {
         if (r.traces[i] > COLDEST && r.traces[i] < 1e5) continue;
         r.time = outputs[i / nobs];
-        throw Failure{std::isfinite(r.traces[i]) ? RUN_AWAY : NON_FINITE, obs[i % nobs]};
+        if (!std::isfinite(r.traces[i])) throw Failure{NON_FINITE, obs[i % nobs]};
+        throw beyond(p_, obs[i % nobs], r.traces[i]);
     }
     r.time = t_end;
 }

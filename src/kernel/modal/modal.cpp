@@ -255,7 +255,7 @@ void Modal::run(const double* start, double t0, double t_end, const double* out_
         finish(t0, t_end, r);
         for (int i = 0; i < p_.n; ++i) {
             if (!std::isfinite(r.final_t[i])) throw Failure{NON_FINITE, i};
-            if (!(r.final_t[i] > COLDEST && r.final_t[i] < 1e5)) throw Failure{RUN_AWAY, i};
+            if (!(r.final_t[i] > COLDEST && r.final_t[i] < 1e5)) throw beyond(p_, i, r.final_t[i]);
         }
     } catch (const Failure& f) {
         r.status = f.status;

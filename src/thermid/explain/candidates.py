@@ -300,6 +300,25 @@ def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElem
         yield from _at_a_place(seen, place)
 
 
+def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
+    """What a deck may not know of and residuals betray: sensors that lag, a mass behind an observed part, a leak past another part."""
+    places = _places(seen)
+    lags = [_lag(seen.request, p) for p in places if p.channels]
+    if lags:
+        whole = lags[0]
+        for lag in lags[1:]:
+            whole = whole.beside(lag)
+        yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor")
+    for place in places:
+        yield _second(seen.request, place, "hidden_mass")
+    network = seen.experiments[0].network
+    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
+    for place in places:
+        for boundary in network.boundaries:
+            if frozenset((place.node, boundary)) not in joined:
+                yield _linked(seen.request, place.node, boundary, SMALL * (place.loss or 1.0))
+
+
 def changes_of(seen: Fitted) -> Iterator[MissingElement]:
     """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
     places = _places(seen)

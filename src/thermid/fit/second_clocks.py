@@ -125,11 +125,10 @@ def _calm(experiment: Experiment) -> Experiment | None:
     for name, path in experiment.ticks.driven if experiment.ticks is not None else ():
         table = getattr(experiment.scenario, name)[path]
         noise = experiment.noisy.get(SCALE + path)
-        if noise is None or not noise.white > 0.0 or not isinstance(table, TableSignal) or table.values.size < 3:
+        if noise is None or not noise.white > 0.0 or not isinstance(table, TableSignal):
             continue
-        stretch = np.append(0, np.cumsum(np.abs(np.diff(table.values)) > CHANGED * math.sqrt(2.0) * noise.white))
-        means = np.bincount(stretch, table.values) / np.bincount(stretch)
-        tables.setdefault(name, dict(getattr(experiment.scenario, name)))[path] = replace(table, values=means[stretch])
+        calm = table.levelled(CHANGED * math.sqrt(2.0) * noise.white)
+        tables.setdefault(name, dict(getattr(experiment.scenario, name)))[path] = calm
     return replace(experiment, scenario=experiment.scenario.with_(**tables)) if tables else None
 
 

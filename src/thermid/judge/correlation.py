@@ -19,8 +19,8 @@ from thermid.judge.metrics import Residuals
 from thermid.knowledge.store import model_standing
 from thermid.linear_algebra import Array, Bools
 from thermid.measure import Record, read_record
-from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
+from thermid.measure.readers.headers import name_and_unit
 from thermid.measure.record.channel import gap_from, usual_step
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.results import Result, Row

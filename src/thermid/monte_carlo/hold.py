@@ -117,12 +117,14 @@ class HoldPoint:
     node, name : str            Path of the node; as the caller calls it.
     limit : float               [degC]
     side : str                  highest or lowest.
-    crossings : array (members that reached the end,)   When the limit is passed first; infinite where never. [s]
+    crossings : array (members,)    When the limit is passed first; infinite where never. Last stand members that did not reach the end
+        of the run: they count as passing it at the start. [s]
     exceedance : array (times,) Probability that it has been passed by then. [-]
     hold : float                Time until which the limit is kept with the probability asked for; infinite where beyond the scenario. [s]
-    between : (float, float)    95 % interval of that time by the number of members alone. [s]
+    between : (float, float)    95 % interval of that time by the number of members alone; its upper end counts members that did not
+        reach the end as never passing it. [s]
     never : float               Share of members that never pass it within the scenario. [-]
-    never_between : (float, float)
+    never_between : (float, float)  The same for that share. [-]
     drivers : tuple of Driver   Of the temperature at that time (of the highest where it is infinite), the largest first.
     """
 
@@ -163,6 +165,7 @@ class Hold(Result):
     left_out : tuple of LeftOut What the members do not count.
     not_counted : str           What of it a reader must know first.
     causes : tuple of str       Structural errors and others beside the fit that members count.
+    unfinished : int            Members that did not reach the end; they count as passing every limit at the start.
     """
 
     title: str
@@ -179,6 +182,7 @@ class Hold(Result):
     left_out: tuple[LeftOut, ...] = ()
     not_counted: str = ""
     causes: tuple[str, ...] = ()
+    unfinished: int = 0
 
     def __getitem__(self, name: str) -> HoldPoint:
         """Return the entry of a limit by the name that was given to it, or by its node."""
@@ -203,7 +207,7 @@ class Hold(Result):
     def __str__(self) -> str:
         """The sentence, a line for each limit, what drives them, and remarks."""
         lines = [self.sentence + (f" ({self.watermark})" if self.watermark else "")]
-        lines += [f"  {self.not_counted}"] if self.not_counted else []
+        lines += [f"  {first}" for first in (self.lost, self.not_counted) if first]
         for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
             low, high = p.never_between
             never = f"never exceeded in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
@@ -217,6 +221,16 @@ class Hold(Result):
             lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
         lines.append(f"  {self.members} members; the intervals show the error of their finite number, not that of the model")
         return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
+
+    @property
+    def lost(self) -> str:
+        """How members count that did not reach the end, in words; empty where all did."""
+        if not self.unfinished:
+            return ""
+        return (
+            f"{self.unfinished} of {self.members + self.unfinished} members did not reach the end of the run and count as passing every "
+            f"limit at the start; the upper ends of the intervals count them as never passing one"
+        )
 
     @property
     def counted(self) -> str:
@@ -252,6 +266,8 @@ class Hold(Result):
             "watermark": self.watermark,
             "confidence": self.confidence,
             "members": self.members,
+            "unfinished": self.unfinished,
+            "unfinished_said": self.lost,
             "times_s": self.times.tolist(),
             "points": {p.name: of(p) for p in self.points},
             "together": of(self.together),
@@ -308,7 +324,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
     causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
     known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
-    return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known)
+    return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known, len(runs.failed))
 
 
 def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:
@@ -356,19 +372,17 @@ def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str
     traces, turnings = SIDES[side] * (runs.of(name) - kelvin), runs.turnings_of(name)
     above = replace(turnings, kelvin=SIDES[side] * (turnings.kelvin - kelvin)) if turnings is not None else None
     crossings = first_crossings(runs.times, traces, above)
-    until, between = hold_time(crossings, confidence)
-    # how far above: at the hold time, or the farthest of the run where that lies beyond it
-    measure = SIDES[side] * runs.furthest(name, SIDES[side]) if math.isinf(until) else traces[:, int(np.searchsorted(runs.times, until))]
-    drivers = drivers_of(draws, measure)
+    until = hold_time(np.append(crossings, np.zeros(len(runs.failed))), confidence)[0]
+    # how far above: at the hold time, or the farthest of the run where that lies beyond it, or is the start
+    inside = 0.0 < until < math.inf
+    measure = traces[:, int(np.searchsorted(runs.times, until))] if inside else SIDES[side] * runs.furthest(name, SIDES[side])
     path = runs.job.model.canonical(name)
-    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs.times, until, between, drivers)
+    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs, confidence, drivers_of(draws, measure))
 
 
 def _together(runs: UncertainRuns, points: list[HoldPoint], confidence: float) -> HoldPoint:
-    crossings = np.min([p.crossings for p in points], axis=0)
-    until, between = hold_time(crossings, confidence)
-    first = points[0]
-    return _filled(first.node, "any limit", first.limit, first.side, crossings, runs.times, until, between, first.drivers)
+    crossings, first = np.min([p.crossings for p in points], axis=0)[: runs.reached.size], points[0]
+    return _filled(first.node, "any limit", first.limit, first.side, crossings, runs, confidence, first.drivers)
 
 
 def _filled(
@@ -376,17 +390,20 @@ def _filled(
     name: str,
     limit: float,
     side: str,
-    crossings: Array,
-    times: Array,
-    until: float,
-    between: tuple[float, float],
+    reached: Array,
+    runs: UncertainRuns,
+    confidence: float,
     drivers: tuple[Driver, ...],
 ) -> HoldPoint:
-    exceedance = np.searchsorted(np.sort(crossings), times, side="right") / crossings.size
+    """Return the entry of a limit, from when the members that reached the end pass it; the others pass it at the start, or never."""
+    lost = len(runs.failed)
+    crossings, best = (np.append(reached, np.full(lost, at)) for at in (0.0, np.inf))
+    exceedance = np.searchsorted(np.sort(crossings), runs.times, side="right") / crossings.size
     never = int(np.isinf(crossings).sum())
-    return HoldPoint(
-        path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, proportion(never, crossings.size), drivers
-    )
+    until, (low, _) = hold_time(crossings, confidence)
+    between = (low, hold_time(best, confidence)[1][1])
+    never_between = (proportion(never, crossings.size)[0], proportion(never + lost, crossings.size)[1])
+    return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, never_between, drivers)
 
 
 def driven_by(point: HoldPoint) -> str:

@@ -334,7 +334,7 @@ def uncertain_runs(
     failed = {m: why for c in ordered for m, why in c.failed.items()}
     if failed:
         why = next(iter(failed.values()))
-        remarks = (*remarks, f"{len(failed)} of {n} members failed and are left out. One of them: {why}")
+        remarks = (*remarks, f"{len(failed)} of {n} members failed; temperatures and their bands leave them out. One of them: {why}")
     turnings, blind = _turnings(job, ordered)
     remarks = (*remarks, *blind)
     return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)

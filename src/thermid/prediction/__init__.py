@@ -2,5 +2,5 @@
 
 In: a fit, a values file or stated spreads, and a scenario. Out: a `Prediction`: temperatures with a band, its sources, and what is not
 counted; coefficients taken apart into radiation and convection (`split`).
-May import: `fit` and the rooms below a fit.
+May import: `explain`, `fit` and the rooms below a fit.
 """

@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.explain.defects import ExplainedFit, explained, summary
 from thermid.files import TABLE, replacing
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint
 from thermid.knowledge.store import LeftOut, Normal, Source, State
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
-from thermid.model.parts.parameter import UNJUDGED, Standing
+from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
 from thermid.prediction.known import Known, Rows
 from thermid.prediction.setting import Drawn, Linear, Setting
 from thermid.results import PlottedTrace, Result, Row
@@ -48,6 +49,11 @@ SMALL = 0.05
 """Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
 SHAPE = 4096
 """Draws of a straight model that give the quantiles of its laws."""
+DEFECTS = "hidden defects"
+"""Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
+FORM, FORM_SHARE = "form of the defect", 0.05
+"""Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over a run (RMS) is not known, as
+a standard deviation. A choice, half of the prior that deviations between kinds of run have. [-]"""
 Given = Mapping[str, Any] | Spread
 
 
@@ -160,6 +166,7 @@ class Prediction(Result):
     standing : Standing         Of the values that it rests on.
     left_out : tuple of LeftOut What the bands do not count.
     least : float               Standard error beside which that is to be seen. [K]
+    explanation : str           Which defect, fitted beside the deck, the prediction counts; empty where it is that of the deck.
     """
 
     title: str
@@ -173,6 +180,7 @@ class Prediction(Result):
     standing: Standing = UNJUDGED
     left_out: tuple[LeftOut, ...] = ()
     least: float = 0.0
+    explanation: str = ""
 
     @property
     def not_counted(self) -> str:
@@ -218,6 +226,7 @@ class Prediction(Result):
             "causes": dict(self.causes),
             "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
+            **({"explanation": self.explanation} if self.explanation else {}),
         }
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
@@ -234,7 +243,7 @@ class Prediction(Result):
         """Return the end of the run as a table, and what the variance comes from."""
         width = max([4, *(len(n) for n in self.bands)])
         lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the 95 % band"]
-        lines = [*([self.not_counted] if self.not_counted else []), *lines]
+        lines = [*(x for x in (self.explanation, self.not_counted) if x), *lines]
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
@@ -286,6 +295,10 @@ def predict(
     GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
     or the half-width by a tenth), members are drawn, and a remark states this.
 
+    Where a fit leaves residuals larger than the stated noise and a hidden defect (a clock, lags, a mass, a leak) is proved to explain
+    them, the prediction is that of the fits with this defect, averaged by their probabilities; its first line states this. Where none is
+    proved nothing is narrowed. ``without=("hidden defects",)`` keeps to the deck.
+
     Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first; see `split`. Joints that were
     fitted in air are then as uncertain as the gas in them is.
 
@@ -312,7 +325,74 @@ def predict(
         raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
     off = (*without, *(() if discrepancy else ("structural", "misfit")))
     budget = budget_of(known.on(model) if model is not None else known, scenario, spread, without=off)
-    return predicted(budget, nodes, every=every, times=times, draws=draws, seed=seed, options=options)
+    plain = predicted(budget, nodes, every=every, times=times, draws=draws, seed=seed, options=options)
+    if known.fit is None or model is not None or draws or DEFECTS in without:
+        return plain
+    others = explained(known.fit)
+    told = [
+        predicted(
+            budget_of(Known.of(e.fit), scenario, spread, without=off), list(plain.bands), every=every, times=plain.times, options=options
+        )
+        for e in others
+    ]
+    looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
+    return averaged(plain, others, told, known.fit) if told else looked
+
+
+def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:
+    """Return the prediction by fits with hidden defects in place of that by the deck: their mixture by its mean and variance.
+
+    Parameters
+    ----------
+    plain : Prediction      By the fit of the deck.
+    others, told            Fits with a defect, and what each predicts.
+    fit : Calibration       The fit of the deck.
+    """
+    weights = np.array([e.weight for e in others])
+    bands = {n: _mixture(b, [t.bands[n] for t in told], weights) for n, b in plain.bands.items()}
+    settled = {n: _mixed(e, [t.settled[n] for t in told], weights) for n, e in plain.settled.items() if all(n in t.settled for t in told)}
+    causes = {c: w for t in reversed(told) for c, w in t.causes.items()}
+    causes |= {FORM: "the defect may have another form; a twentieth of what it changes over the run is not known"}
+    causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(told) > 1 else {}
+    words = (
+        f"the deck leaves residuals of {short(float(np.sqrt(fit.reduced_chi_square)))} times the stated noise, and these are explained "
+        f"by what it does not have: {'; or '.join(summary(tuple(others)))}. The prediction and its band are those of the fit with it. "
+        "Correct the deck or the log."
+    )
+    standing = worst([*(t.standing for t in told), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
+    warnings = tuple(dict.fromkeys(w for t in told for w in t.warnings))
+    out = replace(plain, bands=bands, settled=settled, causes=causes, warnings=warnings)
+    return replace(out, standing=standing, explanation=words, left_out=told[0].left_out, least=told[0].least)
+
+
+def _mixture(plain: Band, bands: Sequence[Band], weights: Array) -> Band:
+    """Return the band whose mean and variance are those of a mixture of bands; `plain` is that of the deck."""
+    kelvin = np.array([b.kelvin for b in bands])
+    mean = weights @ kelvin
+    parts: dict[str, Array] = {}
+    for b, w in zip(bands, weights, strict=True):
+        whole = np.sum([np.zeros(b.times.size), *b.parts.values()], axis=0)
+        # of drawn members the variance is their own, parted as that by derivatives
+        grown = np.where(whole > 0.0, b.error**2 / np.where(whole > 0.0, whole, 1.0), 0.0)
+        for cause, v in b.parts.items():
+            parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v * grown
+    if len(bands) > 1:
+        parts[DEFECTS] = weights @ (kelvin - mean) ** 2
+    parts[FORM] = np.full(plain.times.size, float(np.mean((FORM_SHARE * (mean - plain.kelvin)) ** 2)))
+    simulated = weights @ np.array([b.simulated for b in bands])
+    return Band(plain.path, plain.times, simulated, mean - simulated, parts)
+
+
+def _mixed(plain: Estimate, several: Sequence[Estimate], weights: Array) -> Estimate:
+    """Return the mean and the error of a mixture of temperatures."""
+    celsius = float(weights @ [e.celsius for e in several])
+    each = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
+    if len(several) > 1:
+        each[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
+    each[FORM] = (FORM_SHARE * (celsius - plain.celsius)) ** 2
+    error = float(np.sqrt(sum(each.values())))
+    wide = NormalDist().inv_cdf(0.975) * error
+    return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(each))
 
 
 def predicted(

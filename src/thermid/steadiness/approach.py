@@ -204,26 +204,19 @@ def approach(
     else:
         taus = _pairs(span, slowest)
         prior = np.ones(taus.shape[0])
-    designs = [_design(axis, now, row, reference) for row in taus]
-    fits = [_ridge(x, medians - middle, scale, taus.shape[1], 1e-6 * scale) for x in designs]
-    best = int(np.argmin([f[2] @ f[2] for f in fits]))
-    residuals = fits[best][2]
-    worth = effective_samples(residuals, designs[best].shape[1] + 2)
+    designs = np.stack([_design(axis, now, row, reference) for row in taus])
+    terms = designs.shape[2]
+    _, _, left, _ = _ridge(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
+    residuals = left[int(np.argmin(np.einsum("pb,pb->p", left, left)))]
+    worth = effective_samples(residuals, terms + 2)
     factor = medians.size / worth
-    noise = float(np.sqrt(residuals @ residuals / max(medians.size - factor * (designs[best].shape[1] + 2), medians.size / 4.0)))
+    noise = float(np.sqrt(residuals @ residuals / max(medians.size - factor * (terms + 2), medians.size / 4.0)))
     noise = max(noise, scatter / 12.0, 1e-6 * scale)
     size = float(np.hypot(noise, bent * np.ptp(medians)) * factor**0.5)
-    evidence, means, covariances = [], [], []
-    for x in designs:
-        mean, covariance, _, log_weight = _ridge(x, medians - middle, scale, taus.shape[1], size)
-        mean[0] += middle
-        evidence.append(log_weight)
-        means.append(mean)
-        covariances.append(covariance)
-    weights = prior * np.exp(np.array(evidence) - max(evidence))
-    return Approach(
-        float(times[0]), now, taus, weights / weights.sum(), np.array(means), np.array(covariances), noise, scatter, worth, reference
-    )
+    means, covariances, _, evidence = _ridge(designs, medians - middle, scale, taus.shape[1], size)
+    means[:, 0] += middle
+    weights = prior * np.exp(evidence - evidence.max())
+    return Approach(float(times[0]), now, taus, weights / weights.sum(), means, covariances, noise, scatter, worth, reference)
 
 
 def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[FloatArray, FloatArray, float]:
@@ -283,23 +276,27 @@ def _gains(behind: FloatArray) -> FloatArray:
     return np.column_stack([mean, *(behind[:, k] - mean for k in range(1, behind.shape[1]))])
 
 
-def _ridge(x: FloatArray, y: FloatArray, scale: float, modes: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return means and covariance of the terms, what is left of the readings, and the log of the evidence.
+def _ridge(x: FloatArray, y: FloatArray, scale: float, modes: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return means (parts, terms) and covariances of the terms of every part, what is left of the readings, and the log of its evidence.
 
-    Before any reading, the end lies within a few times the change seen, each amplitude (at the beginning of the readings) within once that
-    change, and the reference is followed with a gain of one.
+    `x` are the terms (parts, bins, terms), `y` the readings (bins,). Before any reading, the end lies within a few times the change seen,
+    each amplitude (at the beginning of the readings) within once that change, and the reference is followed with a gain of one.
     """
-    begin = np.maximum(np.abs(x[0, 1 : 1 + modes]), 1e-12)
-    follows = x.shape[1] - 1 - modes
-    spread = np.concatenate([[3.0 * scale], scale / begin, [0.1, *[0.5] * (follows - 1)][:follows]])
+    parts, _, terms = x.shape
+    begin = np.maximum(np.abs(x[:, 0, 1 : 1 + modes]), 1e-12)
+    follows = terms - 1 - modes
+    gains = np.tile([0.1, *[0.5] * (follows - 1)][:follows], (parts, 1)).reshape(parts, follows)
+    spread = np.concatenate([np.full((parts, 1), 3.0 * scale), scale / begin, gains], axis=1)
     expected = np.concatenate([np.zeros(1 + modes), [1.0, *[0.0] * (follows - 1)][:follows]])
     rest = y - x @ expected
-    scaled = x * spread / size
-    precision = scaled.T @ scaled + np.eye(x.shape[1])
+    scaled = x * (spread / size)[:, None, :]
+    precision = scaled.transpose(0, 2, 1) @ scaled + np.eye(terms)
     lower = np.linalg.cholesky(precision)
-    half = np.linalg.solve(lower, scaled.T @ rest / size)
+    drive = scaled.transpose(0, 2, 1) @ (rest / size)[:, :, None]
+    half = np.linalg.solve(lower, drive)[:, :, 0]
     inverse = np.linalg.inv(precision)
-    mean = expected + spread * (inverse @ (scaled.T @ rest / size))
-    covariance = inverse * np.outer(spread, spread)
-    log_weight = -0.5 * (float(rest @ rest) / size**2 - float(half @ half)) - float(np.log(np.diag(lower)).sum())
-    return mean, covariance, y - x @ mean, log_weight
+    mean = expected + spread * (inverse @ drive)[:, :, 0]
+    covariance = inverse * (spread[:, :, None] * spread[:, None, :])
+    fit = np.einsum("pb,pb->p", rest, rest) / size**2 - np.einsum("pt,pt->p", half, half)
+    weight = -0.5 * fit - np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    return mean, covariance, y - (x @ mean[:, :, None])[:, :, 0], weight

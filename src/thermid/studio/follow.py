@@ -23,6 +23,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.steadiness.forecast import forecast
 from thermid.steadiness.stabilisation import Stability
 from thermid.studio.curves import Window, thinned_curve, window_of
+from thermid.studio.live import LiveWatch
 from thermid.toml_files import project_root, resolve_inside
 
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
@@ -57,10 +58,12 @@ class Follower:
     ----------
     folder : Path       Of the deck or campaign; only files of its project are opened from the page.
     log : Path or None  A file that was named on the command line, wherever it lies.
+    live : LiveWatch    What watches the log that is looked at; without one by its readings alone.
     """
 
-    def __init__(self, folder: Path, log: Path | None = None) -> None:
+    def __init__(self, folder: Path, log: Path | None = None, live: LiveWatch | None = None) -> None:
         self.folder, self.log = folder, log
+        self._live = live or LiveWatch(lambda: None)
         self._kept: _Kept | None = None
 
     def offered(self) -> dict[str, Any]:
@@ -78,7 +81,7 @@ class Follower:
         Parameters
         ----------
         asked : dict    ``file`` (empty for the one of the command line), ``rule``, ``since`` and ``slowest`` [h], ``reference``,
-                        ``channel`` that is looked at, ``window`` [s], ``known``.
+                        ``channel`` that is looked at, ``window`` [s], ``known``; ``boundaries`` and ``within`` as `LiveWatch` takes them.
 
         Raises
         ------
@@ -106,6 +109,8 @@ class Follower:
         except (MissingDataError, RecordError) as error:
             return {"waiting": f"Nothing to show yet: {error.message}", "known": known, "age": age}
         out = self._told(record, rule, asked)
+        slowest, since = _hours(asked.get("slowest"), "slowest"), _hours(asked.get("since"), "since")
+        out["watch"] = self._live.look(record, rule, asked, slowest, since)
         spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
         return out | {"file": path.name, "known": known, "age": age, "seconds": time.monotonic() - begun - spent}
 

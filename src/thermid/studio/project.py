@@ -92,6 +92,15 @@ class Project:
         self.done = {n: c for n, c in self.done.items() if n in names}
         self.states = {n: self.states.get(n, StageState(n, "waiting", "not run yet")) for n in names}
 
+    def deck(self) -> Model | None:
+        """Return the model where the project is a single deck.
+
+        Raises
+        ------
+        ThermidError   When it cannot be read.
+        """
+        return load_model(self.path) if self.source is None else None
+
     @property
     def stages(self) -> tuple[str, ...]:
         """The stages of a campaign in order; a deck has one, under its title."""

@@ -14,6 +14,7 @@ from thermid.errors import DeckError, MissingExtraError, ThermidError, cap, rais
 from thermid.extensions import missing
 from thermid.grammar import endless
 from thermid.studio.follow import Follower
+from thermid.studio.live import LiveWatch
 from thermid.studio.orders import as_json, orders, questions
 from thermid.studio.project import Project
 from thermid.studio.work import Work
@@ -58,7 +59,7 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
     except ImportError:
         raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
     work, lock, bench = Work(project), threading.Lock(), threading.Lock()
-    follower = Follower(project.path.parent, log)
+    follower = Follower(project.path.parent, log, LiveWatch(project.deck))
 
     def reads(make: Callable[[Mapping[str, str]], Any]) -> Callable[[Request], Response]:
         """Return an endpoint that answers with JSON, errors of ours in words."""

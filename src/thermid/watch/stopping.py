@@ -2,7 +2,8 @@
 
 A decision is taken only when the time watched has grown by a seventh since the last one; each of the first `DECISIONS` takes the same part
 of the risk, and later ones none: they forecast, and stop nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union
-bound for any dependence between looks). Channels share each part alike. Within a decision the forecast is that of `thermid.steadiness`.
+bound for any dependence between looks). Channels share each part alike. Within a decision the forecast is that of the model fitted to the
+readings (`LiveFit`), or without a model that of `thermid.steadiness`.
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from thermid.errors import RecordError
+from thermid.errors import RecordError, SolverError
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule
+from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.steadiness.forecast import Forecast, forecast
+from thermid.simulation.scenarios.scenario import Scenario
+from thermid.steadiness.forecast import FEWEST, Forecast, forecast
+from thermid.watch.live_fit import LiveFit, ModelForecast
 
 RISK: Final = 0.01
 """Probability of one wrong stop in a whole test, at most."""
@@ -24,6 +28,9 @@ GROWN: Final = 1.15
 """By how much the time watched grows from one decision to the next."""
 DECISIONS: Final = 30
 """Decisions that share the risk: the time watched grows to sixty times that of the first one."""
+
+AnyForecast = Forecast | ModelForecast
+"""Where a channel ends, by its readings or by the model fitted to them."""
 
 STOP, WAIT, DECLINED = "stop", "wait", "declined"
 
@@ -55,7 +62,7 @@ class StopAdvice:
     because : str               In words.
     decisions : int             How many there were up to now.
     level : float               Level of the intervals at the last one. [-]
-    ends : dict                 Channel -> its `Forecast` at the last one.
+    ends : dict                 Channel -> its `Forecast` or `ModelForecast` at the last one.
     holds : float or None       When the rule of stability will hold for all channels, as likely earlier as later. [s]
     at : float                  Time of the decision. [s]
     """
@@ -64,7 +71,7 @@ class StopAdvice:
     because: str
     decisions: int
     level: float
-    ends: Mapping[str, Forecast] = field(repr=False)
+    ends: Mapping[str, AnyForecast] = field(repr=False)
     holds: float | None
     at: float
 
@@ -79,7 +86,8 @@ class Stopping:
     limits : sequence       Limits on where channels end; a stop needs each decided.
     risk : float            Of one wrong stop in the whole test. [-]
     required : bool         Whether the plan's rule must hold before a stop is advised.
-    more                    Passed on to `forecast`: reference, slowest, model, scenario.
+    model, scenario         A model that is fitted to the readings, and what the log does not say of the test.
+    more                    Without a model passed on to `forecast`: reference, slowest.
     """
 
     def __init__(
@@ -89,9 +97,12 @@ class Stopping:
         limits: tuple[TemperatureLimit, ...] = (),
         risk: float = RISK,
         required: bool = False,
+        model: Model | None = None,
+        scenario: Scenario | None = None,
         **more: Any,
     ) -> None:
         self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
+        self.settling = None if model is None else LiveFit(model, scenario)
         self.count, self._watched = 0, 0.0
         self.last: StopAdvice | None = None
 
@@ -114,19 +125,30 @@ class Stopping:
         self.count += 1
         self._watched = float(record.times[-1] - record.times[0])
         level = 1.0 - self.risk / (DECISIONS * len(names))
-        ends: dict[str, Forecast] = {}
-        why = ""
-        for name in names:
-            try:
-                ends[name] = forecast(record, name, rule=self.rule, within=self.within, level=level, **self.more)
-            except RecordError as error:
-                why = why or error.message
+        ends, why = ({}, "") if doubt else self._ends(record, names, level)
         holds = [f.holds for f in ends.values()]
         late = None if not ends or any(h is None for h in holds) else max(h for h in holds if h is not None)
         self.last = self._advice(record, ends, why or self._apart(ends, settles or {}), late, level, doubt)
         return self.last
 
-    def _apart(self, ends: Mapping[str, Forecast], settles: Mapping[str, float]) -> str:
+    def _ends(self, record: Record, names: tuple[str, ...], level: float) -> tuple[dict[str, AnyForecast], str]:
+        """Return where channels end, and why not where one has no forecast."""
+        ends: dict[str, AnyForecast] = {}
+        why = ""
+        if self.settling is not None:
+            try:
+                ends |= self.settling.ends(record, names, self.rule, self.within, level)
+            except (RecordError, SolverError) as error:
+                return {}, error.message
+            return ends, "" if ends else f"a forecast needs {FEWEST} readings of every channel."
+        for name in names:
+            try:
+                ends[name] = forecast(record, name, rule=self.rule, within=self.within, level=level, **self.more)
+            except RecordError as error:
+                why = why or error.message
+        return ends, why
+
+    def _apart(self, ends: Mapping[str, AnyForecast], settles: Mapping[str, float]) -> str:
         """Return that readings end elsewhere than the model settles; nothing where they do not."""
         apart = {n: ends[n].final.value - t for n, t in settles.items() if n in ends and not ends[n].declined}
         far = max(apart, key=lambda n: abs(apart[n]), default="")
@@ -137,7 +159,9 @@ class Stopping:
             f"{'below' if apart[far] > 0 else 'above'} that. The model lacks a slow mass, or one of its values is wrong."
         )
 
-    def _advice(self, record: Record, ends: Mapping[str, Forecast], why: str, late: float | None, level: float, doubt: str) -> StopAdvice:
+    def _advice(
+        self, record: Record, ends: Mapping[str, AnyForecast], why: str, late: float | None, level: float, doubt: str
+    ) -> StopAdvice:
         now = float(record.times[-1])
 
         def said(word: str, because: str) -> StopAdvice:

@@ -8,12 +8,13 @@ log-likelihood by ``(sum d e / S)^2 / (2 sum d^2 / S)`` (generalised likelihood 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
+from thermid.errors import RecordError, SolverError
 from thermid.estimation.dynamics import At, Dynamics
 from thermid.estimation.filtering import Belief
 from thermid.estimation.passing import Passing
@@ -24,12 +25,14 @@ from thermid.linear_algebra import Array, Bools
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.record.record import Record
 from thermid.model.tree.model import Model
-from thermid.network.network import Network
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Traces
+from thermid.watch.growing import thinned
+from thermid.watch.live_fit import STORED, TRUST, unknowns_of
 from thermid.watch.stopping import StopAdvice, Stopping
+from thermid.watch.suspects import UNSAID, SuspectValue, suspects_of
 
 JUMP: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
@@ -119,52 +122,8 @@ def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm 
     return None
 
 
-@dataclass(frozen=True)
-class SuspectValue:
-    """A value that a fault would change: what it is, whose, its path, and what lower and higher mean."""
-
-    kind: str
-    whose: str
-    path: str
-    lower: str
-    higher: str
-
-
-PATHS: Final = {
-    "htc": ("air", "less air flow: check the fan", "more air flow: check the fan and lids"),
-    "effective_htc": ("air", "less air flow: check the fan", "more air flow: check the fan and lids"),
-    "htc.coefficient": ("air", "less air flow", "more air flow"),
-    "contact_conductance": ("joint", "conducts worse: check for a loose joint", "conducts better: check for an unintended contact"),
-    "conductance": ("joint", "conducts worse: check for a loose joint", "conducts better: check for an unintended contact"),
-    "resistance": ("joint", "conducts better: check for an unintended contact", "conducts worse: check for a loose joint"),
-    "conductivity": ("heat path", "conducts worse", "conducts better"),
-}
-"""Field of a conductor -> kind, and what a lower and a higher value mean."""
-
-
-def suspects_of(network: Network) -> tuple[SuspectValue, ...]:
-    """Return the values that a fault would change, each once: conductors and powers."""
-    out: dict[str, SuspectValue] = {}
-    parameters = network.flat.parameters
-    for c in network.flat.conductors:
-        for name, words in PATHS.items():
-            if name in c.fields:
-                path = parameters.literal_behind(c.fields[name])
-                out.setdefault(path, SuspectValue(words[0], c.path, path, words[1], words[2]))
-                break
-    for load in network.flat.loads:
-        if load.node in network.nodes:
-            scale = f"scale.{load.path}"
-            out.setdefault(
-                scale, SuspectValue("power", load.path, scale, "heats less than logged or stated", "heats more than logged or stated")
-            )
-    return tuple(out.values())
-
-
 DRIVEN: Final = 1e-3
 """Wiener noise on every node where nobody says how far the model can be trusted: 0.06 K in an hour. [K/s^0.5]"""
-UNSAID: Final = 0.05
-"""Noise of a reading where nobody said it. [K]"""
 WINDOW: Final = 2400.0
 """How far back a fault is looked for. [s]"""
 BEGINNINGS: Final = (60.0, 120.0, 180.0, 300.0, 480.0, 780.0, 1260.0, 2100.0)
@@ -177,10 +136,14 @@ CLEARER: Final = 2.0
 """By how much the named one must exceed that of every other kind; closer ones are named together."""
 CHANGE: Final = 1.0
 """By which a suspected value is changed either way for its signature, of its logarithm."""
+FITTED: Final = (
+    f"the structure of the deck; its conductances, coefficients and powers to {100 * TRUST:g} %, its capacitances to {100 * STORED:g} %"
+)
+"""What a fit to the readings takes as given."""
+STRANGE: Final = 4.0
+"""Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
 CONFIRMED: Final = 90.0
 """How long what the model's suspects explain must last before it is named: a sensor that jumps looks like anything at first. [s]"""
-MOST: Final = 4000
-"""Rows of the log that are kept for the advice; of more, neighbours are merged, so that memory stays flat."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +200,8 @@ class WatchLook:
         for f in self.advice.ends.values():
             end = "declined" if f.declined else f"ends at {f.final}"
             left = "" if f.holds is None else f"; rule '{f.rule.name}' in {duration_text(max(f.holds - self.at, 0.0))}"
-            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}")
+            made = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
+            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}{made}")
         for n in self.nodes:
             if not n.measured:
                 lines.append(f"  {n.name} (not measured) {n.value - ICE_POINT:.2f} +- {short(n.half)} degC")
@@ -245,11 +209,47 @@ class WatchLook:
 
 
 @dataclass
-class _Anchor:
-    """Where the filter stands at the beginning of the window: time [s] and belief."""
+class _Filter:
+    """What the filter carries from look to look, of the last window only.
+
+    Parameters
+    ----------
+    time : float            Up to which readings were taken. [s]
+    belief : Belief         Then; None before the first reading.
+    stands : list           Time and belief at the looks of the last window, where closer looks begin.
+    errors : dict           Sensor -> times and innovations in units of their standard deviations.
+    """
 
     time: float
     belief: Belief | None = None
+    stands: list[tuple[float, Belief | None]] = field(default_factory=list)
+    errors: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+
+    def take(self, window: _Window, now: float) -> None:
+        """Take what a filter found since the last look."""
+        self.stands.append((self.time, self.belief))
+        while len(self.stands) > 1 and self.stands[1][0] <= now - WINDOW:
+            del self.stands[0]
+        for k, o in enumerate(window.dynamics.experiment.observations):
+            own = window.sensors == k
+            old = self.errors.get(o.sensor, (np.zeros(0), np.zeros(0)))
+            times = np.concatenate([old[0], self.time + window.times[own]])
+            standard = np.concatenate([old[1], window.errors[own] / np.sqrt(window.variances[own])])
+            late = times > now - WINDOW
+            self.errors[o.sensor] = (times[late], standard[late])
+        self.time, self.belief = now, window.beliefs[-1]
+
+    @property
+    def strange(self) -> bool:
+        """Whether a mean of neighbouring innovations is far from zero, so that a closer look may find a cause."""
+        return any(_largest_mean(standard) > STRANGE for _, standard in self.errors.values())
+
+
+def _largest_mean(standard: Array) -> float:
+    """Return the largest mean of 1, 2, 4, ... neighbours in units of its own standard deviation. [-]"""
+    sums = np.concatenate([[0.0], np.cumsum(standard)])
+    lengths = 2 ** np.arange(int(np.log2(max(standard.size, 1))) + 1)
+    return max((float(np.abs(sums[n:] - sums[:-n]).max()) / n**0.5 for n in lengths if n < sums.size), default=0.0)
 
 
 @dataclass
@@ -270,7 +270,8 @@ class Watcher:
     model: Model | None = None
     scenario: Scenario | None = None
     driven: float = DRIVEN
-    _anchor: _Anchor | None = field(default=None, init=False, repr=False)
+    _filter: _Filter | None = field(default=None, init=False, repr=False)
+    _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
     _since: float | None = field(default=None, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
@@ -283,9 +284,10 @@ class Watcher:
         """
         off = sensor_alarms(record, self.channels)
         broken = {a.suspect for a in off}
-        kept = merged(record, MOST)
+        kept = thinned(record)
         names = tuple(n for n in self.channels if n not in broken)
-        nodes, found = self._filtered(record, names) if self.model is not None and names else ((), [])
+        fitted = self.stopping.due(record) and self._fitted(kept, names)
+        nodes, found = self._filtered(kept, names, fitted) if self.model is not None and names else ((), [])
         for a in (*off, *self._lasting(found, record, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
@@ -299,7 +301,8 @@ class Watcher:
             return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
         silent = [n for n in self.channels if record.channel(n).noise is None]
         noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K is assumed, because none is stated"] if silent else []
-        return (f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *noise)
+        fitted = () if self.stopping.settling is None else (FITTED,)
+        return (f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *fitted, *noise)
 
     def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
@@ -322,20 +325,74 @@ class Watcher:
         traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
         return {o.sensor: float(traces.temperature(o.node)[0]) for o in experiment.observations if o.sensor in self.channels}
 
-    def _filtered(self, record: Record, names: Sequence[str]) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
-        """Return the nodes as they are now, and what the model's suspects explain."""
-        assert self.model is not None
-        if self._anchor is None:
-            self._anchor = _Anchor(float(record.times[0]))
-        others = [c for c in record.channels.values() if c.name in self.channels and c.name not in names]
-        part = record.trim(self._anchor.time, "end")
-        part = part.select(*(c for c in part.channels if c not in {o.name for o in others})) if others else part
-        window = _Window.of(self.model, part, self.scenario, self.driven, self._anchor.belief)
-        nodes, alarms = window.nodes(), window.alarms()
+    def _fitted(self, record: Record, names: Sequence[str]) -> bool:
+        """Fit the model's values, and let the filter pass the last window again with them; whether they moved."""
+        settling = self.stopping.settling
+        if settling is None or not names or self._named:
+            return False
+        before = settling.values
+        try:
+            settling.fit(record, names)
+        except (RecordError, SolverError):
+            return False  # the decision states why
+        if settling.values is not before and self._filter is not None:
+            self._filter = _Filter(*self._filter.stands[0])
+        return settling.values is not before
+
+    def _filtered(self, record: Record, names: Sequence[str], fitted: bool) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
+        """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
+        f = self._passed(record, names)
+        if f.strange and not fitted and self._fitted(record, names):
+            f = self._passed(record, names)
+        settling = self.stopping.settling
+        if not f.strange or (settling is not None and not settling.values):
+            return self._nodes, []
+        begin, belief = f.stands[0]
+        return self._nodes, self._window(self._of(record, names).trim(begin, "end"), belief).alarms()
+
+    def _passed(self, record: Record, names: Sequence[str]) -> _Filter:
+        """Return the filter after the readings that are new to it."""
         now = float(record.times[-1])
-        if now - self._anchor.time > 2.0 * WINDOW:
-            self._anchor = _Anchor(*window.belief_at(now - WINDOW - self._anchor.time, self._anchor.time))
-        return nodes, alarms
+        if self._filter is None:
+            self._filter = _Filter(float(record.times[0]))
+        f = self._filter
+        if now > f.time:
+            window = self._window(self._of(record, names).trim(f.time, "end"), f.belief)
+            f.take(window, now)
+            self._nodes = window.nodes()
+        return f
+
+    def _of(self, record: Record, names: Sequence[str]) -> Record:
+        """Return a record without the channels that are broken."""
+        others = {c.name for c in record.channels.values() if c.name in self.channels and c.name not in names}
+        return record.select(*(c for c in record.channels if c not in others)) if others else record
+
+    def _window(self, record: Record, belief: Belief | None) -> _Window:
+        """Return a stretch of the log passed by the filter, from a belief or the start of the log."""
+        assert self.model is not None
+        settling = self.stopping.settling
+        return _Window.of(self.model, record, self.scenario, self.driven, belief, {} if settling is None else settling.values)
+
+
+@dataclass(frozen=True, eq=False)
+class _FilterValues:
+    """Values at which a filter runs: names that are free with their numbers, the sensors' constant errors [K], noises."""
+
+    names: tuple[str, ...]
+    x: Array
+    bias: Array
+    sigma: Array
+    driven: float
+
+    def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
+        """Return the dynamics at the values, one suspect or sensor changed either way."""
+        way, sign = changed
+        x = np.array([v * (np.exp(sign * CHANGE) if n == way else 1.0) for n, v in zip(self.names, self.x, strict=True)])
+        bias = self.bias.copy()
+        if way.startswith("sensor "):
+            bias[int(way.removeprefix("sensor "))] += sign
+        count = len(dynamics.noises)
+        return dynamics.at(x, np.full(count, self.driven), np.full(count, np.inf), self.sigma, bias)
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,27 +401,37 @@ class _Window:
 
     dynamics: Dynamics
     suspects: tuple[SuspectValue, ...]
-    sigma: Array
+    values: _FilterValues
     passing: Passing
     beliefs: tuple[Belief, ...]
     errors: Array
     variances: Array
     times: Array
+    sensors: Array
 
     @classmethod
-    def of(cls, model: Model, record: Record, scenario: Scenario | None, driven: float, start: Belief | None) -> _Window:
-        """Return a stretch passed by the filter, from a belief or the start of the log."""
+    def of(
+        cls, model: Model, record: Record, scenario: Scenario | None, driven: float, start: Belief | None, values: Mapping[str, float]
+    ) -> _Window:
+        """Return a stretch passed by the filter, from a belief or the start of the log, at what a fit moved the model's values by."""
         experiment = bind(model, record, scenario, errors={})
-        suspects = suspects_of(experiment.network)
-        bench = Bench.of(experiment, [s.path for s in suspects])
+        free, base, _, relative = unknowns_of(experiment)
+        keep = np.array([not n.startswith("initial.") for n in free])
+        names = tuple(n for n, kept in zip(free, keep, strict=True) if kept)
+        moved = np.array([values.get(n, 0.0) for n in names])
+        x = np.where(relative[keep], base[keep] * np.exp(moved), base[keep] + moved)
+        bias = np.array([values.get(f"sensor {o.sensor}", 0.0) for o in experiment.observations])
+        bench = Bench.of(experiment, names)
         massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
         dynamics = Dynamics(bench, noises, {})
         sigma = np.array([o.sigma({o.sensor: UNSAID}) for o in experiment.observations])
-        passing = Passing(dynamics, [_member(dynamics, suspects, sigma, driven)])
+        values_of = _FilterValues(names, x, bias, sigma, driven)
+        passing = Passing(dynamics, [values_of.at(dynamics)])
         kept = passing.run(keep=True, begin=None if start is None else (0, start))
         i = kept.innovations
-        return cls(dynamics, suspects, sigma, passing, kept.beliefs, i.errors[:, 0], i.variances[:, 0], i.times)
+        suspects = suspects_of(experiment.network)
+        return cls(dynamics, suspects, values_of, passing, kept.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
 
     def nodes(self) -> tuple[NodeBand, ...]:
         """Return the nodes at the end."""
@@ -374,11 +441,6 @@ class _Window:
         return tuple(
             NodeBand(n, float(m), 1.96 * float(s), n in read) for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
         )
-
-    def belief_at(self, seconds: float, zero: float) -> tuple[float, Belief]:
-        """Return time in the log and belief at a time of the window."""
-        place = int(np.searchsorted(self.dynamics.grid, seconds))
-        return zero + float(self.dynamics.grid[place]), self.beliefs[place]
 
     def alarms(self) -> list[Alarm]:
         """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
@@ -402,10 +464,9 @@ class _Window:
     def _began(self, since: float) -> list[Alarm]:
         """Return what every suspect explains, had it changed at a time of the window. [s]"""
         place = max(int(np.searchsorted(self.dynamics.grid, since)) - 1, 0)
-        names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.sigma.size))]
+        names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.values.sigma.size))]
         ways = [(name, sign) for name in names for sign in (-1.0, 1.0)]
-        driven = float(self.passing.members[0].sizes[0])
-        members = [_member(self.dynamics, self.suspects, self.sigma, driven, way) for way in (("", 0.0), *ways)]
+        members = [self.values.at(self.dynamics, way) for way in (("", 0.0), *ways)]
         belief = self.beliefs[place]
         count = len(members)
         several = Belief(np.repeat(belief.mean, count, axis=0), np.repeat(belief.root, count, axis=0))
@@ -432,29 +493,6 @@ class _Window:
             )
         s = next(s for s in self.suspects if s.path == way)
         return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
-
-
-def _member(
-    dynamics: Dynamics, suspects: Sequence[SuspectValue], sigma: Array, driven: float, changed: tuple[str, float] = ("", 0.0)
-) -> At:
-    """Return the dynamics at the model's values, one suspect changed either way."""
-    way, sign = changed
-    values = dynamics.wiring.network.numbers().values
-    x = []
-    for s in suspects:
-        base = 1.0 if s.path.startswith("scale.") else float(getattr(values[s.path], "value", values[s.path]))
-        x.append(base * (np.exp(sign * CHANGE) if s.path == way else 1.0))
-    bias = np.zeros(sigma.size)
-    if way.startswith("sensor "):
-        bias[int(way.removeprefix("sensor "))] = sign
-    count = len(dynamics.noises)
-    return dynamics.at(np.array(x), np.full(count, driven), np.full(count, np.inf), sigma, bias)
-
-
-def merged(record: Record, most: int) -> Record:
-    """Return a record of at most so many rows, means over equal steps where there are more."""
-    rows = record.times.size
-    return record if rows <= most else record.resample(float(record.times[-1] - record.times[0]) / most)
 
 
 def _no_reading(at: float) -> StopAdvice:

@@ -5,10 +5,16 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
+from typer.main import get_command
 
+from thermid.cli.app import COMMANDS, app
+from thermid.interop.decks.sinda import read_sinda
+from thermid.model.deck.save import save_model
 from torture.seeds import SINDA
 from unit.cli.conftest import Call
 from unit.fit.project import make_project
@@ -26,6 +32,7 @@ FREE = {
     "by_hand.values.toml": 'schema = 1\nstage = "box"\n',
     "notes.txt": "what I saw in the laboratory\n",
     "net.cc": SINDA,
+    "knobs.cc": "HEADER REGISTER DATA\nmcp = 100.0\n" + SINDA.replace("100.0", "mcp"),
 }
 
 
@@ -38,6 +45,9 @@ def laboratory(folder: Path) -> None:
     (folder / "warm.toml").write_text(SCENARIO.format("air"), encoding="utf-8")
     (folder / "pair_warm.toml").write_text(SCENARIO.format("room"), encoding="utf-8")
     (folder / "hold.toml").write_text(QUESTION, encoding="utf-8")
+    save_model(read_sinda(folder / "knobs.cc").model(), folder / "knobs.toml")
+    for deck in (folder / "knobs.toml", folder / "MAIN.toml"):
+        deck.write_text("# changed by hand\n" + deck.read_text(encoding="utf-8"), encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +70,7 @@ OUTPUTS = {
     "export --as spice": ["export", "box.toml", "--scenario", "warm.toml", "--as", "spice", "--to"],
     "export --as sinda": ["export", "box.toml", "--scenario", "warm.toml", "--as", "sinda", "--to"],
     "export --as esatan": ["export", "box.toml", "--scenario", "warm.toml", "--as", "esatan", "--to"],
-    "export --as fmi": ["export", "box.toml", "--scenario", "warm.toml", "--as", "fmi", "--to"],
+    "export --as fmu": ["export", "box.toml", "--scenario", "warm.toml", "--as", "fmu", "--to"],
     "import of SINDA": ["import", "net.cc", "--to"],
     "init": ["init", "logs/pair_one.csv", "--to"],
     "example": ["example", "box", "--to"],
@@ -81,8 +91,33 @@ OUTPUTS = {
     "hold --figure": ["hold", "hold.toml", "--to", "r", "--figure"],
     "deliver": ["deliver", "box.toml", "--scenario", "warm.toml", "--to"],
     "log": ["log", "--simulate", "--for", "2 [s]"],
+    "look": ["look", "logs/pair_one.csv", "--svg"],
+    "qualify --pdf": ["qualify", "plan.toml", "--pdf"],
+    "import --scenario": ["import", "net.cc", "--scenario"],
+    "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
+    "swap": ["swap", "campaign.toml", "a", "cool.toml", "--results", "r", "--new-data", "logs", "--to"],
+    "hold": ["hold", "hold.toml", "--to"],
+    "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
-ENDINGS = {"diagram": ".svg", "hold --figure": ".png", "profile --picture": ".pdf", "report --pdf": ".pdf", "correlate --pdf": ".pdf"}
+READ = frozenset(
+    (
+        *("data", "originals", "results", "scenario", "values", "log", "logs", "new_data", "measured", "simulated"),
+        *("sensors", "programme", "model", "on", "deck", "file", "campaign", "question"),
+    )
+)
+"""Names of options and arguments that a command only reads."""
+ALSO_WRITTEN = (("log", "file"), ("report", "results"))
+"""Those of them that a command writes."""
+ENDINGS = {
+    "diagram": ".svg",
+    "look": ".svg",
+    "export --as fmu": ".fmu",
+    "qualify --pdf": ".pdf",
+    "hold --figure": ".png",
+    "profile --picture": ".pdf",
+    "report --pdf": ".pdf",
+    "correlate --pdf": ".pdf",
+}
 FOLDERS = ("init", "example", "calibrate")
 """What writes a folder; aimed at a file it is refused."""
 TWICE = (
@@ -127,6 +162,24 @@ def test_no_output_destroys_an_input(call: Call, bench: Path, output: str) -> No
     assert aimed(call, bench, output, 29) >= 2
 
 
+def written() -> set[tuple[str, str]]:
+    """Command and option, or argument, of everything that a command is given a path for and does not only read."""
+    found, whole = set(), get_command(app)
+    for word, place in COMMANDS.items():
+        module, _, function = place.function.partition(".")
+        kinds = get_type_hints(getattr(import_module(f"thermid.cli.{module}"), function))
+        for given in whole.commands[word].loaded().params:  # type: ignore[attr-defined]
+            if "Path" in str(kinds.get(given.name)) and (given.name not in READ or (word, given.name) in ALSO_WRITTEN):
+                found.add((word, given.opts[0] if given.opts[0].startswith("-") else ""))
+    return found
+
+
+def test_every_output_of_the_command_line_is_aimed() -> None:
+    """A new option that writes a file, or a new command, fails here until it is aimed at inputs too."""
+    covered = {(words[0], words[-1] if words[-1].startswith("--") and words[0] != "log" else "") for words in OUTPUTS.values()}
+    assert written() == covered
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_no_output_destroys_any_input_by_any_name(call: Call, bench: Path, output: str) -> None:
@@ -140,7 +193,7 @@ def test_every_one_of_these_commands_can_write(call: Call, bench: Path, output: 
     if output.endswith("--pdf"):
         pytest.importorskip("thermid.reporting.blocks.extras").browser()
     said = call(*OUTPUTS[output], target)
-    assert said.code in (0, 1, 4), said.err
+    assert said.code in (0, 1, 4, 5), said.err
     assert target.exists()
     shutil.rmtree("r", ignore_errors=True)
 
@@ -159,6 +212,14 @@ def test_folders_of_results_hold_what_others_wrote(call: Call, bench: Path) -> N
     assert call("plan", "plan.toml", "--lock").code == 2
     assert Path("plan.lock.json").read_bytes() == before["logs/pair_one.csv"]
     Path("plan.lock.json").unlink()
+    assert contents(bench) == before
+
+
+def test_copies_are_not_written_over_what_they_are_copies_of(call: Call, bench: Path) -> None:
+    before = contents(bench)
+    for folder in (".", bench, bench / "logs/.."):
+        said = call(*OUTPUTS["write-back"], folder)
+        assert (said.code, "knobs.cc" in said.err) == (2, True)
     assert contents(bench) == before
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -103,9 +103,19 @@ DAMAGE = (
     "plus",
     "spaces",
     "names above",
+    "numbers above",
+    "numbers below",
+    "time above",
+    "groups above",
+    "two languages",
+    "three lines",
+    "two lines below a preamble",
     "statistics below",
     "short first row",
 )
+
+
+TWO_NAMES = {"T1": "Wand T1", "Tair": "Raumluft Tair", "P": "Heizung P"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +127,8 @@ class Drawn:
     times: np.ndarray
     columns: dict[str, np.ndarray]
     coded: tuple[int, ...]
+    heads: dict[str, str] = field(default_factory=dict)
+    """What columns are called where it is not their own name."""
 
 
 def _test() -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -162,7 +174,7 @@ def drawn(seed: int) -> Drawn:
         rows[k][-3] = str(code).replace(".", sign) if str(code).strip("-.").replace(".", "").isdigit() else str(code)
     header = [*name.split("|"), *UNITS[units]]
     below = {"row": ["°C", "°C", "W"], "row F": ["°F", "°F", "mW"]}.get(units)
-    lines = [header, *([[""] * (len(header) - 3) + below] if below else [])]
+    lines = [*_names(damage or "", header), *([[""] * (len(header) - 3) + below] if below else [])]
     times, columns = _damaged(damage or "", lines, rows, times, columns, (sign, watts, warm))
 
     def joined(row: Sequence[str], first: bool = False) -> str:
@@ -177,7 +189,7 @@ def drawn(seed: int) -> Drawn:
         else text.encode(encoding if encoding != "latin-1" else "utf-8")
     )
     said = f"{seed}: {name} {CLOCKS[name]}, {units}, {mark!r} {sign!r}, quoted {quoted}, {encoding} {end!r}, code {code!r}, {damage}"
-    return Drawn(said, data, times, columns, AT if code is not None else ())
+    return Drawn(said, data, times, columns, AT if code is not None else (), TWO_NAMES if damage == "two languages" else {})
 
 
 def _damaged(
@@ -219,10 +231,29 @@ def _damaged(
     return times, columns
 
 
+def _names(damage: str, header: list[str]) -> list[list[str]]:
+    """Return the lines of names above each other that a log has instead of its header, units in those of the header."""
+    first, last = header[:-3], header[-3:]
+    channels = ["CH1", "CH2", "CH3"]
+    if damage == "numbers above":
+        return [[*("" for _ in first), *channels], header]
+    if damage == "numbers below":
+        return [header, [*("CH0" for _ in first), *channels]]
+    if damage == "time above":
+        return [[*first, *channels], [*("" for _ in first), *last]]
+    if damage == "groups above":
+        return [[*first, "Chamber", "Chamber", "Supply"], [*("" for _ in first), *last]]
+    if damage == "two languages":
+        return [[*first, "Wand", "Raumluft", "Heizung"], header]
+    if damage == "three lines":
+        return [[*("1" for _ in first), *channels], [*("" for _ in first), "Chamber", "", "Supply"], header]
+    return [[*("CH0" for _ in first), *channels], header] if damage == "two lines below a preamble" else [header]
+
+
 def _around(damage: str, top: list[str], body: list[str], mark: str) -> list[str]:
     """Return the lines of a file with what stands around and between its samples."""
     wide = top[0].count(mark)
-    if damage == "preamble":
+    if damage in ("preamble", "two lines below a preamble"):
         return ["Logger model XY-12", "Serial: 1234", "Started 2026-03-05", "", *top, *body]
     if damage == "names above":
         return [mark * (wide - 2) + mark.join(("Channel 1", "Channel 2", "Channel 3")), *top, *body]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -362,3 +363,82 @@ def excel() -> Sample:
     expected = {"T carcaça": (24.5 + ICE, 27.5 + ICE), "P": (2.0, 2.0)}
     roles = {"P": {"load": "q"}}
     return Sample("ensaio.xlsx", out.getvalue(), "workbook", (0, 10, 30), expected, "2024-05-01T12:00:00", roles, needs="python_calamine")
+
+
+@sample
+def two_lines_of_names() -> Sample:
+    text = "CH1;CH2;CH3;CH4\nZeit;Gehäuse;Luft;Heizung\ns;°C;°C;mW\n" + "".join(
+        f"{30 * k};{20 + k},5;20,5;{2000 * (k > 1)}\n" for k in range(5)
+    )
+    expected = {"Gehäuse": (20.5 + ICE, 24.5 + ICE), "Luft": (20.5 + ICE, 20.5 + ICE), "Heizung": (0.0, 2.0)}
+    roles = {"Heizung": {"load": "q"}, "Gehäuse": {"node": "a"}, "Luft": {"boundary": "b"}}
+    return Sample("kanal.csv", text.encode(), "text", (0, 30, 120), expected, None, roles)
+
+
+@sample
+def bench_log() -> Sample:
+    """Lines as the logger of the bench writes them: reception and board times, one sensor in sixteenths of a degree."""
+    from thermid.acquire.benchlog import log_line
+    from thermid.acquire.wire import crc16
+
+    rom, lines = "2800003C0B1A0FCF", ["# thermid bench log 1\n"]
+    for k in range(5):
+        body = f"D,{k},{1000 * k + 87},{rom},{320 + k},ok"
+        lines.append(log_line(f"1 {k + 0.004:.6f} {body}*{crc16(body)}"))
+    data, roles = "".join(lines).encode(), {rom: {"node": "a"}}
+    return Sample("bench.log", data, "bench log", (0, 1, 4), {rom: (20 + ICE, 20.25 + ICE)}, None, roles)
+
+
+@sample
+def matlab_7_3() -> Sample:
+    """HDF5 behind 512 bytes that name MATLAB, as its version 7.3 saves."""
+    import h5py
+
+    out = io.BytesIO()
+    with h5py.File(out, "w", userblock_size=512) as file:
+        file["t"] = np.arange(4.0)[None, :] * 5
+        file["T_case"] = np.arange(4.0)[None, :] + 20
+    data = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + out.getvalue()[512:]
+    return Sample("log73.mat", data, "MATLAB 7.3", (0, 5, 15), {"T_case": (20 + ICE, 23 + ICE)}, needs="h5py")
+
+
+@sample
+def old_excel() -> Sample:
+    """A sheet of texts and numbers in BIFF 8, in a compound file of one stream."""
+
+    def record(kind: int, form: str, *values: Any) -> bytes:
+        body = struct.pack("<" + form, *values)
+        return struct.pack("<HH", kind, len(body)) + body
+
+    def begin(kind: int) -> bytes:
+        return record(0x0809, "HHHHII", 0x0600, kind, 0, 1997, 0, 0x0600)
+
+    names = ("time [s]", "case [degC]")
+    cells = [record(0x0204, f"HHHHB{len(name)}s", 0, k, 0, len(name), 0, name.encode()) for k, name in enumerate(names)]
+    cells += [record(0x0203, "HHHd", row, k, 0, value) for row in range(1, 5) for k, value in enumerate((10.0 * row, 20.5 + row))]
+    end = record(0x000A, "")
+    top = len(begin(5)) + len(record(0x0085, "IBBBB3s", 0, 0, 0, 3, 0, b"log")) + len(end)
+    stream = begin(5) + record(0x0085, "IBBBB3s", top, 0, 0, 3, 0, b"log") + end + begin(0x10) + b"".join(cells) + end
+    sectors, free, last = 8, 0xFFFFFFFF, 0xFFFFFFFE
+    chain = [0xFFFFFFFD, last, *range(3, 2 + sectors), last]
+
+    def entry(name: str, kind: int, child: int, start: int, size: int) -> bytes:
+        text = name.encode("utf-16-le")
+        size_of_name = len(text) + 2 if text else 0
+        return struct.pack("<64sHBBIII36sIQ", text, size_of_name, kind, 1, free, free, child, b"", start, size)
+
+    folder = entry("Root Entry", 5, 1, last, 0) + entry("Workbook", 2, free, 2, 512 * sectors) + entry("", 0, free, 0, 0) * 2
+    head = bytes.fromhex("d0cf11e0a1b11ae1") + bytes(16) + struct.pack("<HHHHH6s", 0x3E, 3, 0xFFFE, 9, 6, b"")
+    head += struct.pack("<9I", 0, 1, 1, 0, 4096, last, 0, last, 0) + struct.pack("<109I", 0, *[free] * 108)
+    table = struct.pack("<128I", *chain, *[free] * (128 - len(chain)))
+    data = head + table + folder + stream.ljust(512 * sectors, b"\0")
+    return Sample(
+        "log.xls",
+        data,
+        "workbook",
+        (10, 20, 40),
+        {"case": (21.5 + ICE, 24.5 + ICE)},
+        None,
+        {"case": {"node": "a"}},
+        needs="python_calamine",
+    )

@@ -52,8 +52,15 @@ def test_right_times_values_and_units_with_no_option_or_refused_with_a_remedy_th
         assert (valid[0], valid[-1]) == pytest.approx(ends, abs=1e-9), name
 
 
+def test_every_format_has_a_sample() -> None:
+    heads = [made(make).data[:8192] for make in SAMPLES]
+    shown = {next(each.name for each in FORMATS if each.recognised(head)) for head in heads}
+    missing = {each.name for each in FORMATS} - shown
+    assert not missing, f"add to tests/unit/measure/samples.py a log in: {', '.join(sorted(missing))}"
+
+
 def test_thirty_logs_of_which_three_are_refused() -> None:
-    samples = [make() for make in SAMPLES if make.__name__ not in ("tdms", "hdf5", "excel")]
+    samples = [make() for make in SAMPLES if make.__name__ not in ("tdms", "hdf5", "excel", "matlab_7_3", "old_excel")]
     assert len({make.__name__ for make in SAMPLES}) == len(SAMPLES) >= 30
     assert [sample.file for sample in samples if sample.refused] == ["dates.csv", "left.csv", "duty.csv"]
     assert all(sample.remedy for sample in samples if sample.refused)
@@ -63,7 +70,7 @@ def test_thirty_logs_of_which_three_are_refused() -> None:
 def test_every_sample_of_a_binary_format_is_refused_when_it_is_cut_short(log):
     for make in SAMPLES:
         sample = made(make)
-        if sample.format in ("NI TDMS", "MATLAB", "HDF5", "netCDF classic", "workbook"):
+        if sample.format in ("NI TDMS", "MATLAB", "HDF5", "netCDF classic", "workbook", "MATLAB 7.3"):
             with pytest.raises(ThermidError):
                 read(log(sample.data[: len(sample.data) // 3], sample.file), sample)
 

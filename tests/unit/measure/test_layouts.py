@@ -21,13 +21,14 @@ ROLES = {"T1": {"node": "case"}, "Tair": {"boundary": "air"}, "P": {"load": "q"}
 def wrongly_read(log: Callable[..., Path], one: Drawn) -> str | None:
     """Return what was read wrongly, empty for nothing; None where the log was refused. Codes that are named count as masked."""
     try:
-        record, _ = without_strays(read_record(log(one.data), ROLES))
+        record, _ = without_strays(read_record(log(one.data), {one.heads.get(name, name): role for name, role in ROLES.items()}))
     except ThermidError:
         return None
     if record.times.shape != one.times.shape or np.abs(record.times - one.times).max() > 0.02 * STEP:
         return f"{one.words}: times {record.times[:3]} .. {record.times[-1]}, {record.times.size} of {one.times.size}"
     for name, truth in one.columns.items():
-        found, valid = record[name].values - (0.0 if name == "P" else ICE), record[name].valid.copy()
+        channel = record[one.heads.get(name, name)]
+        found, valid = channel.values - (0.0 if name == "P" else ICE), channel.valid.copy()
         if name == "T1":
             for k in one.coded:
                 if valid[k]:

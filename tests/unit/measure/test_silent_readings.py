@@ -9,8 +9,8 @@ import pytest
 
 from thermid.errors import RecordError, ThermidError, UnitError
 from thermid.measure import Record, read_record
-from thermid.measure.readers.columns import name_and_unit
 from thermid.measure.readers.formats import log_cells
+from thermid.measure.readers.headers import name_and_unit
 from thermid.measure.record.channel import stray_readings
 from thermid.measure.record.record import without_strays
 

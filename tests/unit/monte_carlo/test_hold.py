@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import thermid as td
 from thermid.cli import main
 from thermid.errors import DeckError, ScenarioError
 from thermid.monte_carlo import chunks as campaign_runs
-from thermid.monte_carlo.hold import clock, first_crossings, hold_time, proportion
+from thermid.monte_carlo.hold import HoldQuestion, clock, first_crossings, hold, hold_time, proportion
 
 POWER, G, C = 10.0, 0.5, 500.0
 TAU = C / G
@@ -47,8 +48,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 def asked(folder: Path, text: str = QUESTION) -> td.qualify.Hold:
+    return question(folder, text).run()[1]
+
+
+def question(folder: Path, text: str = QUESTION) -> HoldQuestion:
     (folder / "hold.toml").write_text(text, encoding="utf-8")
-    return td.qualify.load_hold(folder / "hold.toml").run()[1]
+    return td.qualify.load_hold(folder / "hold.toml")
 
 
 def test_the_hold_time_is_the_closed_form(folder: Path) -> None:
@@ -130,6 +135,31 @@ def test_a_limit_that_nobody_passes(folder: Path) -> None:
 def test_mistakes_in_a_question_are_named(old: str, new: str, words: str, folder: Path) -> None:
     with pytest.raises((DeckError, ScenarioError, td.ThermidError), match=words):
         asked(folder, QUESTION.replace(old, new))
+
+
+def test_members_that_did_not_finish_count_as_passing_their_limits(folder: Path) -> None:
+    runs, whole = question(folder).run()
+    late = np.argsort(-whole.points[0].crossings)[:12]  # those that keep the limit longest are said to have failed
+    lost = replace(runs, failed={int(m): "a step could not be solved" for m in late})
+    found = hold(lost, {"body": "38 [degC]"})
+    assert (found.members, found.unfinished, found.points[0].crossings.size) == (388, 12, 400)
+    ordered = np.sort(np.append(np.delete(whole.points[0].crossings, late), np.zeros(12)))
+    assert found.points[0].hold == ordered[19] < whole.points[0].hold
+    assert found.points[0].between[0] <= found.points[0].hold
+    assert found.points[0].between[1] >= whole.points[0].between[1]  # had they been kept, the answer would be the old one
+    assert found.points[0].exceedance[0] == 12 / 400
+    never = int(np.isinf(np.delete(whole.points[0].crossings, late)).sum())
+    assert found.points[0].never_between == (proportion(never, 400)[0], proportion(never + 12, 400)[1])
+    assert str(found).splitlines()[1].startswith("  12 of 400 members did not reach the end of the run and count as passing every limit")
+    assert (found.to_dict()["unfinished"], whole.to_dict()["unfinished"]) == (12, 0)
+    assert "did not reach" not in str(whole)
+
+
+def test_more_unfinished_members_than_the_confidence_allows_leave_no_time(folder: Path) -> None:
+    runs, _ = question(folder).run()
+    found = hold(replace(runs, failed=dict.fromkeys(range(40), "a step could not be solved")), {"body": "38 [degC]"})
+    assert found.points[0].hold == found.together.hold == 0.0
+    assert "0 min until" in found.sentence
 
 
 def command(*words: object) -> int:

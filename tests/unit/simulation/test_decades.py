@@ -71,6 +71,41 @@ def test_a_rise_far_beyond_the_first_guess_is_found() -> None:
     assert td.steady(td.model_from_dict(deck), case())["a"] == pytest.approx(ROOM + 273.15 + 25000.0, rel=1e-9)
 
 
+def alone(power: float, radiates: bool) -> td.Model:
+    """A massless node with a load, tied by 1 mW/K; and it may radiate."""
+    conductors: dict[str, Any] = {
+        "tie": {"kind": "conduction", "between": ["m", "a"], "conductance": "1e-3 [W/K]"},
+        "out": {"kind": "conduction", "between": ["a", "room"], "conductance": "1 [W/K]"},
+    }
+    if radiates:
+        conductors["r"] = {"kind": "radiation", "between": ["m", "a"], "area": "1e-6 [m^2]", "exchange_factor": 1}
+    nodes = {"a": {"capacitance": "1e9 [J/K]"}, "m": {}}
+    loads = {"q": {"into": "m", "power": f"{power!r} [W]"}}
+    return td.model_from_dict({"title": "alone", "needs": ["room"], "nodes": nodes, "conductors": conductors, "loads": loads})
+
+
+@pytest.mark.parametrize("power", [2.0, 90.0, 1000.0])
+def test_a_massless_node_far_above_its_neighbours_is_found_in_a_run(power: float) -> None:
+    """At 11,000 K above them the heat that goes is 1 kW; where Newton's method would start at their temperature."""
+    run = td.simulate(alone(power, True), case("22 [degC]"), every="600 [s]")
+    hot, cold = run["m"].kelvin[-1], run["a"].kelvin[-1]
+    assert 1e-3 * (hot - cold) + 1e-6 * 5.670374419e-8 * (hot**4 - cold**4) == pytest.approx(power, rel=1e-9)
+
+
+@pytest.mark.parametrize("power", [150.0, 1e6])
+def test_a_massless_node_beyond_every_range_is_refused_for_that(power: float) -> None:
+    said = "a massless node would be above 100,000 K at 0 s of 3600 s at 'm': more heat is supplied than its conductors carry"
+    with pytest.raises(SolverError, match=said):
+        td.simulate(alone(power, False), case(), every="600 [s]")
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_passive_network_stays_between_its_start_and_its_boundary(seed: int) -> None:
+    run = td.simulate(network(seed), case(), every="600 [s]")
+    assert run.temperatures.min() > ROOM + 273.15 - 1e-6
+    assert run.temperatures.max() < 60.0 + 273.15 + 1e-6
+
+
 @pytest.mark.parametrize("seed", [0, 2, 4, 10])
 def test_what_would_be_hotter_than_anything_is_refused_for_that(seed: int) -> None:
     with pytest.raises(SolverError, match=r"at rest 'n\d' would be above 100,000 K: more heat is supplied than its paths"):

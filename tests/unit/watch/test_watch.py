@@ -13,7 +13,7 @@ from thermid.errors import ThermidError
 from thermid.measure import Record
 from thermid.measure.record.steadiness import rule_of
 from thermid.watch.stopping import DECISIONS, Stopping, TemperatureLimit
-from thermid.watch.watcher import Watcher, merged, sensor_alarms, suspects_of
+from thermid.watch.watcher import Watcher, sensor_alarms, suspects_of
 from unit.estimation.rig import logged, rig, run, scenario
 
 ICE = 273.15
@@ -136,9 +136,6 @@ class TestModel:
         assert look.advice.word == "declined"
         assert "there is an alarm" in look.advice.because
         assert str(look).startswith("ALARM sensor: case: jumped")
-
-    def test_memory_is_bounded(self) -> None:
-        assert merged(rising(9001), 4000).times.size <= 4001
 
 
 def test_errors_are_thermids() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from thermid.errors import RecordError, UnitError, cap, raising
 from thermid.extensions import optional
-from thermid.measure.readers.columns import spelt
+from thermid.measure.readers.headers import spelt
 from thermid.measure.readers.matlab_objects import objects_of, series_of
 from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
 from thermid.units import require
@@ -435,16 +435,42 @@ def _small_workbook(book: zipfile.ZipFile, file: str) -> None:
     most = int(cap("unpacked"))
     _small(sum(part.file_size for part in book.infolist()), file)
     for part in book.infolist():
-        if not part.filename.startswith("xl/worksheets/"):
+        if not part.filename.startswith("xl/worksheets/") and part.filename != "content.xml":
             continue
         with book.open(part) as sheet:
             text = sheet.read(most + 1)
         _small(len(text), file)
-        wide = high = 0
-        for column, row in _CELL.findall(text):
-            high = max(high, int(row))
-            wide = max(wide, _column(column))
-        _small(SPARSE * wide * high, file)
+        _small(SPARSE * (_open_places(text) if part.filename == "content.xml" else _places(text)), file)
+
+
+def _places(sheet: bytes) -> int:
+    """Return how many places a sheet of .xlsx spans, from its first cell to its last."""
+    wide = high = 0
+    for column, row in _CELL.findall(sheet):
+        high = max(high, int(row))
+        wide = max(wide, _column(column))
+    return wide * high
+
+
+_TABLE_TAG: Final = re.compile(rb"<table:(table|table-row|(?:covered-)?table-cell)(?=[\s/>])([^>]*)>")
+_REPEATED: Final = re.compile(rb'table:number-(?:rows|columns)-repeated="(\d{1,9})"')
+
+
+def _open_places(content: bytes) -> int:
+    """Return how many places the largest sheet of .ods spans; what is written once may be said to stand there a million times."""
+    most = wide = high = row = column = 0
+    for name, rest in _TABLE_TAG.findall(content):
+        repeated = _REPEATED.search(rest)
+        many = int(repeated[1]) if repeated else 1
+        if name == b"table":
+            most, wide, high, row = max(most, wide * high), 0, 0, 0
+        elif name == b"table-row":
+            row, column = row + many, 0
+        else:
+            column += many
+            if not rest.endswith(b"/") or b"office:value" in rest:  # an empty cell takes no place behind the last filled one
+                wide, high = max(wide, column), max(high, row)
+    return max(most, wide * high)
 
 
 def _column(letters: bytes) -> int:

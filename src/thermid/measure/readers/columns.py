@@ -3,120 +3,18 @@
 from __future__ import annotations
 
 import re
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure.readers.textfile import MISSING, Cells
+from thermid.measure.readers.headers import MISSING, name_and_unit
+from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import FloatArray
 
-_BRACKETS: Final = (("[", "]"), ("(", ")"), ("{", "}"), ("<", ">"))
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z|[+-]?inf(inity)?\Z", re.IGNORECASE | re.ASCII)
 _UNUSED: Final = "\x1f"  # no text log has it: `textfile` refuses control characters
-_DEGREE: Final = re.compile(
-    r"(?:[°º˚]\s*|deg(?:rees?)?[ ._*]*)(c|f|k)(?:elsius|ahrenheit|elvin)?\Z|(c|f|k)(?:elsius|ahrenheit|elvin)\Z", re.IGNORECASE
-)
-_SPELT: Final = {
-    "C": "degC",
-    "F": "degF",
-    "centigrade": "degC",
-    "vdc": "V",
-    "vac": "V",
-    "volt": "V",
-    "volts": "V",
-    "adc": "A",
-    "amp": "A",
-    "amps": "A",
-    "watt": "W",
-    "watts": "W",
-    "newtons": "N",
-    "sec": "s",
-    "secs": "s",
-    "second": "s",
-    "seconds": "s",
-    "msec": "ms",
-    "millis": "ms",
-    "milliseconds": "ms",
-    "millisecond": "ms",
-    "microseconds": "us",
-    "nanoseconds": "ns",
-    "minute": "min",
-    "minutes": "min",
-    "hr": "h",
-    "hrs": "h",
-    "hour": "h",
-    "hours": "h",
-    "day": "d",
-    "days": "d",
-    "pct": "%",
-    "percent": "%",
-    "%rh": "%",
-    "rh%": "%",
-    "rel%": "%",
-    "µW": "uW",
-    "μW": "uW",
-}
-"""Units as loggers write them above their columns. A lone C or F there is a temperature: no logger writes coulomb or farad so."""
-_PLAIN: Final = frozenset("degC degF K W mW uW kW V mV uV A mA uA Ohm s ms us ns min h d % Pa hPa kPa mbar bar m/s W/m^2 ohm l/min".split())
-"""Units that are taken for one after a comma, a slash or an underscore, where other words stand too."""
-_HOBO: Final = re.compile(r"(?P<name>.+?), (?P<unit>\S+) \((?=[^()]*\b(?:LGR|SEN) S/N)(?:[^()]*LBL: (?P<label>[^(),]+))?[^()]*\)\Z")
-_CHANNEL: Final = re.compile(r"(?P<number>\d+) \((?P<unit>[^()]+)\)\s*-\s*(?P<name>\S.*)\Z")
-_NAMED: Final = re.compile(r"(?P<number>\d+) <(?P<name>[^<>]*\S)> \((?P<unit>[^()]+)\)\Z")
-_AFTER: Final = re.compile(r"(?P<name>.*\S)\s*[,/]\s*(?P<unit>[^\s,/][^,]*)\Z")
-
-
-def spelt(text: str) -> str:
-    """Return a unit as it is written here, of one as loggers write it; any other text as it is.
-
-    >>> spelt("Deg C"), spelt("VDC"), spelt("mW")
-    ('degC', 'V', 'mW')
-    """
-    plain = text.strip()
-    degree = _DEGREE.match(plain)
-    if degree:
-        letter = (degree[1] or degree[2]).upper()
-        return "K" if letter == "K" else f"deg{letter}"
-    return _SPELT.get(plain) or _SPELT.get(plain.lower()) or plain
-
-
-@lru_cache(maxsize=4096)
-def name_and_unit(header: str) -> tuple[str, str | None]:
-    """Return the name and the unit of a header; None where it names no unit.
-
-    A unit stands in a bracket of any kind at the end, whatever it says: one that nobody knows is refused later and never dropped. Plain
-    units also count after a comma, a slash or an underscore, and in a bracket before other words, as loggers write them.
-
-    >>> name_and_unit("T1 [degC]"), name_and_unit("T1 (°F)"), name_and_unit("P, mW"), name_and_unit("T/°C")
-    (('T1', 'degC'), ('T1', 'degF'), ('P', 'mW'), ('T', 'degC'))
-    >>> name_and_unit("101 <case> (C)"), name_and_unit("Dev0/Ai0"), name_and_unit("heater_mW"), name_and_unit("T1_C")
-    (('case', 'degC'), ('Dev0/Ai0', None), ('heater_mW', 'mW'), ('T1_C', None))
-    """
-    text = header.strip()
-    if match := _HOBO.match(text):
-        return (f"{match['name']} {match['label'].strip()}" if match["label"] else match["name"]), spelt(match["unit"])
-    if match := _NAMED.match(text) or _CHANNEL.match(text):
-        return match["name"], spelt(match["unit"])
-    for left, right in _BRACKETS:
-        if text.endswith(right) and left in text[1:]:
-            name, _, inner = text[: -len(right)].rpartition(left)
-            if right not in inner and name.strip():
-                return name.strip(" ,/"), spelt(inner)
-    for left, right in _BRACKETS[:2]:
-        name, _, rest = text.partition(left)
-        inner, closed, tail = rest.partition(right)
-        if closed and name.strip() and tail.strip() and spelt(inner) in _PLAIN:
-            return f"{name.strip()} {tail.strip()}", spelt(inner)
-    if (match := _AFTER.match(text)) and (spelt(match["unit"]) in _PLAIN or match["unit"][0] in "°º˚%"):
-        return match["name"], spelt(match["unit"])
-    tail = text.rpartition("_")[2] if "_" in text else ""
-    return text, spelt(tail) if len(tail) > 1 and spelt(tail) in _SUFFIXES else None
-
-
-_SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns"))
-"""Units that are taken for one after an underscore; others there, such as C, F, min and h, may be a word's first letter."""
 
 
 def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:

@@ -24,9 +24,9 @@ import numpy as np
 from thermid.errors import RecordError, ThermidError
 from thermid.extensions import extension
 from thermid.measure.readers import binary
-from thermid.measure.readers.columns import name_and_unit, spelt
-from thermid.measure.readers.stamps import TIME_NAMES, stamp_seconds
-from thermid.measure.readers.textfile import MISSING, Cells, ChannelSeries, Layout, cells_of_text, decoded, is_number, merged, read_bytes
+from thermid.measure.readers.headers import MISSING, TIME_NAMES, is_number, name_and_unit, spelt
+from thermid.measure.readers.stamps import stamp_seconds
+from thermid.measure.readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, decoded, merged, read_bytes
 from thermid.units import unit
 
 _LINE: Final = re.compile(r"(?P<stamp>(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:[0-5]\d:[0-5]\d(?:[.,]\d+)?) -> ?(?P<text>.*)\Z")

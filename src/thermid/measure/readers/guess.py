@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.measure.readers.columns import kelvin_sized, name_and_unit, numbers
+from thermid.measure.readers.columns import kelvin_sized, numbers
+from thermid.measure.readers.headers import name_and_unit
 from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import OVERLOAD, BoolArray, FloatArray, codes_of
 from thermid.units import DIMENSIONLESS, describe, from_si, unit

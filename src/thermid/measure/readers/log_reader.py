@@ -13,8 +13,9 @@ import numpy as np
 from thermid.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
 from thermid.measure.amounts import amount
 from thermid.measure.readers.bindings import Binding, bindings, full_scale, unit_and_quantity
-from thermid.measure.readers.columns import decimal_sign, find_column, kelvin_sized, name_and_unit, numbers
+from thermid.measure.readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure.readers.formats import log_cells
+from thermid.measure.readers.headers import name_and_unit
 from thermid.measure.readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor

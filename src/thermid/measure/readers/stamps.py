@@ -12,24 +12,11 @@ import numpy as np
 
 from thermid.errors import NameNotFoundError, RecordError, errors_at
 from thermid.measure.amounts import duration_text
-from thermid.measure.readers.columns import find_column, name_and_unit, numbers
-from thermid.measure.readers.textfile import MISSING, Cells
+from thermid.measure.readers.columns import find_column, numbers
+from thermid.measure.readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, name_and_unit, plainly
+from thermid.measure.readers.textfile import Cells
 from thermid.measure.record.channel import FloatArray
 from thermid.units import require, unit
-
-TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
-"""Names that a time column has by default; a single letter counts as written, because T is a temperature."""
-_DATED: Final = frozenset(
-    "date time|date/time|date & time|date_time|date|time stamp|ts|_time|last_changed|last_updated|uhrzeit|zeitstempel|datum|datum/zeit|"
-    "hora|data|data/hora|data hora|data_hora|carimbo|fecha|fecha/hora|fecha hora|heure|date/heure|horodatage|scan sweep time|"
-    "elapsed time".split("|")
-)
-"""Names that are taken where no column has one of the usual ones and the cells are stamps."""
-_COUNTED: Final = frozenset(
-    "time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|unix|unixtime|unix_time|scan sweep time|"
-    "x_value|zeit|tempo|tempo_s|tiempo".split("|")
-)
-"""Names that are taken where the cells are numbers that rise; up to three letters count as written, because Ts and mS are none."""
 
 _HALF_DAY: Final = 43200.0
 _DAY: Final = 86400.0
@@ -163,11 +150,11 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     named = [
         at
         for at, name in enumerate(names)
-        if (_plainly(name) in _DATED | _COUNTED and at in timely)
-        or (_plainly(name) in _COUNTED and _rises(cells, at))
-        or (_plainly(name) in _DATED and _since_1970(cells, at))
+        if (plainly(name) in DATED | COUNTED and at in timely)
+        or (plainly(name) in COUNTED and _rises(cells, at))
+        or (plainly(name) in DATED and _since_1970(cells, at))
     ]
-    named = named or [at for at, name in enumerate(names) if _plainly(name).startswith(("date time", "time,", "datetime"))]
+    named = named or [at for at, name in enumerate(names) if plainly(name).startswith(("date time", "time,", "datetime"))]
     for hits in (named, stamps, clocks, [at for at in range(len(names)) if _counts(cells, at)]):
         if len(hits) == 1:
             return hits[0]
@@ -185,10 +172,6 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
         "the name of the column.",
         cells.file,
     )
-
-
-def _plainly(name: str) -> str:
-    return name.strip().lower() if len(name.strip()) > 3 else name.strip()
 
 
 def _numeric(cells: Cells, at: int) -> bool:

@@ -6,7 +6,6 @@ import codecs
 import csv
 import gzip
 import io
-import re
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,30 +13,30 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from thermid import files
-from thermid.errors import MissingDataError, RecordError, cap, nearest, raising
+from thermid.errors import MissingDataError, RecordError, cap, errors_at, nearest, raising
+from thermid.measure.readers.headers import (
+    MISSING,
+    MOST_NAMES,
+    TIMELY,
+    counts_columns,
+    is_number,
+    lines_of_names,
+    may_name,
+    may_number,
+    one_line_of_names,
+    refuse_two_units,
+    with_units_row,
+)
 from thermid.measure.record.sensor import SensorCertificate
 from thermid.units import counted
 
-MISSING: Final = frozenset(
-    ("", "nan", "na", "n/a", "null", "none", "ol", "o.l.", "ovld", "overload", "open", "#n/a", "1.#qnan", "1.#ind", "-1.#ind")
-)
-"""Cells that stand for a missing number or for the overload of an instrument, in any case of letters. A dash is none: in real logs it
-shows columns that have slipped."""
-
 _SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 _LOOKED_AT = 500
-_TIMELY: Final = re.compile(r"\d:[0-5]\d|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
-"""What cells with a date or a clock time hold."""
-_DONE: Final = frozenset("|smp|avg|max|min|std|tot|med|mean|last|sample".split("|"))
-"""What a logger did with its samples, as a row below the units says it."""
-_UNIT_CELL: Final = re.compile(
-    r"[\[({]?(?:[°º˚]\s*[CFK]|deg[ ._]?[CFK]|[CFKWVA%s]|[mµuk]W|[mµuk]V|[mµu]A|[mµun]s|sec|min|h|hrs?|TS|RN|[kMh]?Pa|mbar|bar|m/s"
-    r"|m/s\^2|W/m[\^²]?2?|mg/m3|g/m3|%RH|rpm|ohms?|Ω|l/min|arb|degC|degF|Celsius|Volts?|Watts?|YYYY.*|dd.*|hh:mm.*|HH:MM.*|datetime|unit)[\])}]?\Z"
-)
-"""Cells of a row of units."""
 UNFINISHED: Final = "is incomplete and was dropped"
 """What is said of a last line that is still being written."""
 _MEND: Final = "Correct the line, put '#' before it, or give the separator."
+_HEAD: Final = MOST_NAMES + 4
+"""Lines in which a head ends: names, units, what was done with samples, and two of samples."""
 _LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
 """How a line may begin that holds no cells."""
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
@@ -107,15 +106,6 @@ class Cells:
         return f"{self.file}{line}" + (f", column '{column}'" if column else "")
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell is a number, with a point or a comma."""
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
 def _holds_cells(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
@@ -167,11 +157,11 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     columns = None if any('"' in line for _, line in lines) else _columns(lines, mark)
     if columns is None:
         rows, numbers = _rows(lines, mark, file)
-    else:  # all lines have as many cells, so the first three and the last two tell the rest
-        rows, numbers = list(map(list, zip(*((*c[:3], *c[3:][-2:]) for c in columns), strict=True))), [number for number, _ in lines]
+    else:  # all lines have as many cells, so the first ones and the last two tell the rest
+        rows, numbers = list(map(list, zip(*((*c[:_HEAD], *c[_HEAD:][-2:]) for c in columns), strict=True))), [n for n, _ in lines]
     if above:
         notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} skipped")
-    if all(is_number(name) for name in rows[0]):
+    if all(is_number(name) for name in rows[0]) and lines_of_names(rows, numbers) == 1:
         names = _comment_above(every, numbers[0], mark, len(rows[0]))
         if names is None:
             raise RecordError(
@@ -181,11 +171,16 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
         notes.append("the header was read from the comment above the samples")
     width = len(rows[0])
-    if rows[0][-1].strip() == "" and len(rows) > 1 and len(rows[1]) == width - 1:
-        rows[0], width, columns = rows[0][:-1], width - 1, None  # a header that ends with a separator
+    if ends := _ends_with_separator(rows):
+        rows[:ends], width, columns = [row[:-1] for row in rows[:ends]], width - 1, None
     if len(rows) > 1 and all(len(row) == width + 1 and not row[-1].strip() for row in rows[1:]):
         rows, columns = [rows[0], *(row[:-1] for row in rows[1:])], None  # samples that end with a separator, as their header does not
+    rows, numbers, columns, said = _with_one_line_of_names(rows, numbers, columns, file)
+    notes += said
     header, extra = with_units_row(rows)
+    if header.units:
+        with errors_at(f"{file}:{numbers[1]}"):
+            refuse_two_units(rows[0], rows[1])
     if extra:
         notes.append(
             f"line {numbers[extra]}: a row of units below the header"
@@ -201,11 +196,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
     if not rows:
         raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
-    for row, number in zip(rows, numbers, strict=False):
-        if len(row) != width:
-            twice = mark == "," and len(row) == 2 * width
-            hint = "Commas seem to be the decimal sign too. Export the log with semicolons." if twice else _MEND
-            raise RecordError(f"{len(row)} cells in this line, {width} columns in the header. {hint}", f"{file}:{number}")
+    _refuse_odd_rows(rows, numbers, width, mark, file)
     synthetic = any(
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
     )
@@ -216,44 +207,58 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     )
 
 
+def _refuse_odd_rows(rows: list[list[str]], numbers: list[int], width: int, mark: str, file: str) -> None:
+    """Refuse samples that are not as wide as their header, and a first one that may number the columns."""
+    if counts_columns(rows):
+        raise RecordError(
+            f"'{mark.join(rows[0])}' may number the columns: only the lines below it have decimals. Put '#' before the line, or, if it "
+            "is a sample, write it with decimals.",
+            f"{file}:{numbers[0]}",
+        )
+    for row, number in zip(rows, numbers, strict=False):
+        if len(row) != width:
+            twice = mark == "," and len(row) == 2 * width
+            hint = "Commas seem to be the decimal sign too. Export the log with semicolons." if twice else _MEND
+            raise RecordError(f"{len(row)} cells in this line, {width} columns in the header. {hint}", f"{file}:{number}")
+
+
+def _ends_with_separator(rows: list[list[str]]) -> int:
+    """Return how many lines from the first on end with a separator that the samples below them do not end with."""
+    width = len(rows[0])
+    for at, row in enumerate(rows[:_HEAD]):
+        if len(row) == width - 1:
+            return at
+        if len(row) != width or row[-1].strip():
+            break
+    return 0
+
+
+def _with_one_line_of_names(
+    rows: list[list[str]], numbers: list[int], columns: list[tuple[str, ...]] | None, file: str
+) -> tuple[list[list[str]], list[int], list[tuple[str, ...]] | None, list[str]]:
+    """Return rows, line numbers and columns with one line of names where several stand above each other, and what was assumed.
+
+    Raises
+    ------
+    RecordError   When the lines contradict each other.
+    """
+    count = lines_of_names(rows, numbers)
+    if count == 1:
+        return rows, numbers, columns, []
+    with errors_at(f"{file}:{numbers[0]}"):
+        names, said = one_line_of_names(rows[:count], numbers[:count])
+    if columns is not None:
+        columns = [(name, *column[count:]) for name, column in zip(names, columns, strict=True)]
+    return [names, *rows[count:]], numbers[count - 1 :], columns, [said]
+
+
 def _encoding(notes: Sequence[str]) -> str:
     return next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8")
 
 
-class Header(NamedTuple):
-    """Names of columns, with their units where a row of units stands below, and whether one does."""
-
-    names: tuple[str, ...]
-    units: bool
-
-
-def with_units_row(rows: Sequence[Sequence[str]]) -> tuple[Header, int]:
-    """Return the header, and how many rows below it are none of samples: units, and what a logger did (Avg, Smp)."""
-    names = tuple(name.strip() or f"column {at}" for at, name in enumerate(rows[0], 1))
-    extra, units = 0, False
-    for row in rows[1:3]:
-        texts = [cell.strip() for cell in row]
-        if len(row) != len(names) or any(is_number(text) or _TIMELY.search(text) for text in texts) or len(rows) <= extra + 2:
-            break
-        if all(text.lower() in _DONE for text in texts):
-            extra += 1
-        elif not extra and sum(bool(_UNIT_CELL.match(text)) for text in texts) >= 0.5 * sum(bool(text) for text in texts) > 0:
-            names = tuple(_with_unit(name, text) for name, text in zip(names, texts, strict=True))
-            extra, units = 1, True
-        else:
-            break
-    return Header(names, units), extra
-
-
-def _with_unit(name: str, text: str) -> str:
-    """Return a name with the unit of the row below; words of loggers that stand for no unit are left out."""
-    plain = text.strip("[](){} ")
-    return name if not plain or plain.upper() in ("TS", "RN") or name.endswith(f"[{plain}]") else f"{name} [{plain}]"
-
-
 def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
     """Return the lines without those that stood above the first samples already, and the numbers of what was left out."""
-    first = next((at for at, (_, line) in enumerate(lines[:_LOOKED_AT]) if _TIMELY.search(line) or _has_number(line)), len(lines))
+    first = next((at for at, (_, line) in enumerate(lines[:_LOOKED_AT]) if TIMELY.search(line) or _has_number(line)), len(lines))
     heads = {line for _, line in lines[:first]}
     again = [number for number, line in lines[first:] if line in heads] if heads else []
     return ([*lines[:first], *((n, line) for n, line in lines[first:] if line not in heads)] if again else lines), again
@@ -278,8 +283,10 @@ def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tupl
         start, length = _longest_run(split)
         if length > 1:
             if _wordy(split[0]) and len(split[0]) in (len(split[start]), len(split[start]) + 1) and start < 4:
-                return 0, lines, None  # the usual file: a header, and samples below
-            found.append((length * len(split[start]), start, _header_above(split, start), mark))
+                if not any(may_name(row, len(split[0])) for row in split[1:start]):
+                    return 0, lines, None  # the usual file: a header, and samples below
+            head = _first_of_names(split, [number for number, _ in looked], _header_above(split, start))
+            found.append((length * len(split[start]), start, head, mark))
     _, _, head, mark = max(found, default=(0, 0, -1, ""))
     return (0, lines, None) if head < 1 else (lines[head][0] - 1, lines[head:], mark)
 
@@ -341,9 +348,21 @@ def _header_above(rows: list[list[str]], start: int) -> int:
     )
 
 
+def _first_of_names(rows: list[list[str]], numbers: list[int], head: int) -> int:
+    """Return the first of the lines of names directly above each other, of which `head` is the last."""
+    first = head
+    while 0 < first > head + 1 - MOST_NAMES and numbers[first] == numbers[first - 1] + 1 and may_name(rows[first], len(rows[head])):
+        above = rows[first - 1]
+        if may_name(above, len(rows[head])):
+            first -= 1
+        else:
+            return first - 1 if may_number(above, len(rows[head])) else first
+    return first
+
+
 def _wordy(row: Sequence[str]) -> bool:
     """Whether a line holds names: no number or stamp among its cells, and half of them at least are not empty."""
-    return not any(is_number(cell) or (cell.lstrip()[:1].isdigit() and _TIMELY.search(cell)) for cell in row) and 2 * sum(
+    return not any(is_number(cell) or (cell.lstrip()[:1].isdigit() and TIMELY.search(cell)) for cell in row) and 2 * sum(
         bool(cell.strip()) for cell in row
     ) >= len(row)
 

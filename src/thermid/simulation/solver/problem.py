@@ -284,7 +284,7 @@ def runs_away(when: str, follows: bool) -> str:
 
 def unsolved(when: str, follows: bool) -> str:
     """Return what to look at where a step could not be solved; `follows` as in `runs_away`."""
-    look = "power that grows too fast with temperature" if follows else "law that jumps there"
+    look = "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
     return f"a step could not be solved {when}. Look for a {look}."
 
 
@@ -301,6 +301,8 @@ def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follow
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
         _kernel.BAD_INPUT: f"a temperature fell below 0 K, or a number is not finite, {when}. Check the inputs at that time.",
         _kernel.CHATTER: f"a thermostat switches endlessly {when}. Widen its hysteresis.",
+        _kernel.TOO_HOT: f"a massless node would be above 100,000 K {when}: more heat is supplied than its conductors carry. Check its "
+        "power and these conductances; a unit may be wrong.",
     }
     return words.get(answer.status, f"the run stopped {when}.")
 

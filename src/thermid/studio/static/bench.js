@@ -4,6 +4,7 @@ import { ask, at, colour, dash, hour, hours, legend, make, nice, shown, studio, 
 import { s } from "/static/state.js";
 
 const chart = new Chart(at("bench-chart"), { x: "time [h]", y: "temperature [°C]" }, () => {}, () => look(true));
+const WORDS = { stop: ["✓ stop now", "stable"], wait: ["… wait", "too early"], declined: ["? no stop advised", "cannot tell"] };
 const MARKS = { stable: "✓", "not stable": "✗", "cannot tell": "?", "too early": "…", reference: "=" };
 let found = null, focus = "", timer = 0, busy = false, again = false, open = false;
 
@@ -21,7 +22,7 @@ export function followed() { clearTimeout(timer); if (open && s.view === "bench"
 
 function asked(fresh) {
   const number = (id) => (at(id).value === "" ? null : Number(at(id).value));
-  return { file: at("log").value, rule: at("rule").value === "own" ? at("own-rule").value : at("rule").value, since: number("since"), slowest: number("slowest"), reference: at("reference").value, channel: focus, window: chart.zoom && chart.zoom.map((h) => h * 3600), known: fresh ? "" : found?.known ?? "" };
+  return { file: at("log").value, rule: at("rule").value === "own" ? at("own-rule").value : at("rule").value, since: number("since"), slowest: number("slowest"), reference: at("reference").value, channel: focus, boundaries: at("watch-boundaries").value, within: number("watch-within"), window: chart.zoom && chart.zoom.map((h) => h * 3600), known: fresh ? "" : found?.known ?? "" };
 }
 async function look(fresh) {
   if (busy) { again = again || fresh; return; }
@@ -34,7 +35,7 @@ async function look(fresh) {
   // a long log takes longer to read, and is asked for less often
   if (told && s.view === "bench" && at("follow").checked) timer = setTimeout(() => look(false), Math.max(1000, 2000 * (told.seconds || 0)));
 }
-function wait(told) { found = null; at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": "too early" }, make("strong", { text: "… waiting" }), make("span", { text: ` ${told.waiting}` }))); at("bench-result").hidden = true; }
+function wait(told) { found = null; at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": "too early" }, make("strong", { text: "… waiting" }), make("span", { text: ` ${told.waiting}` }))); at("bench-watch").replaceChildren(); at("bench-result").hidden = true; }
 function beat() {
   const quiet = found.age > Math.max(10, 3 * found.step);
   at("bench-title").textContent = `${found.file}: ${found.rows} rows over ${hour(found.end - found.begin)}; ${quiet ? `has not grown for ${found.age < 120 ? `${Math.round(found.age)} s` : `${shown(found.age / 60, 3)} min`}` : "growing"}`;
@@ -44,18 +45,20 @@ function forecastWords(c) {
   const f = c.forecast;
   if (!f) return "";
   const holds = f.holds === null || f.holds === undefined ? "" : f.holds <= found.end ? "; the rule holds by now" : `; the rule holds about ${hour(f.holds)}${f.late ? `, with 95 % by ${hour(f.late)}` : ""}`;
-  return f.final === null ? `declined: ${nice(f.declined)}${holds}` : `${f.final.toFixed(2)} °C, 95 % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}`;
+  return f.final === null ? `declined: ${nice(f.declined)}${holds}` : `${f.final.toFixed(2)} °C, ${f.level || 95} % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}`;
 }
 function endWords(c) {
-  const f = c.forecast, when = found.forecast_at < found.end ? ` (from the readings to ${hour(found.forecast_at)})` : "";
+  const f = c.forecast, at_ = f?.at ?? found.forecast_at, when = at_ < found.end ? ` (from the readings to ${hour(at_)})` : "";
   if (!f) return "";
   return f.final === null ? `Where ${c.name} will end is not said yet${when}: ${nice(f.declined)}` : `${c.name} will end at ${forecastWords(c)}${when}.`;
 }
 function show() {
   at("bench-result").hidden = false;
   beat();
+  found.channels.forEach(foreseen);
   const { verdict, channels } = found, own = channels.find((c) => c.name === focus) || channels.find((c) => c.name === found.slowest) || channels[0];
   at("bench-verdict").replaceChildren(make("p", { class: "verdict", "data-word": verdict.word }, make("strong", { text: `${MARKS[verdict.word]} ${verdict.word}` }), make("span", { text: ` ${nice(verdict.text)}` }), make("br"), make("span", { text: endWords(own) })));
+  watched(found.watch);
   fillOnce(at("reference"), [["", "none"], ...channels.map((c) => [c.name, c.name])]);
   fillOnce(at("bench-focus"), [["", "the slowest"], ...channels.map((c) => [c.name, c.name])]);
   at("channels").tBodies[0].replaceChildren(...channels.map((c) => make("tr", { "data-channel": c.name }, make("th", { scope: "row", text: c.name }), make("td", { class: "num", text: c.latest === null ? "–" : c.latest.toFixed(2) }),
@@ -67,6 +70,19 @@ function show() {
   const names = channels.map((c) => c.name);
   if (at("bench-legend").dataset.names !== names.join("\n")) { at("bench-legend").dataset.names = names.join("\n"); legend(at("bench-legend"), names, [chart]); }
   draw(own);
+}
+// where the model ends a channel takes the place of where the readings alone do
+function foreseen(c) {
+  const w = found.watch, e = w.model && w.ends?.[c.name];
+  if (e) c.forecast = { declined: e.declined || "", final: e.final_C, low: e.interval_C[0], high: e.interval_C[1], holds: e.holds, late: null, at: e.now, level: (100 * e.level).toFixed(2) };
+}
+// what thermid watch prints: alarms first, then the advice, nodes without a sensor, what is assumed
+function watched(w) {
+  const [word, mark] = WORDS[w.advice], nodes = Object.entries(w.nodes || {}).filter(([, n]) => !n.measured);
+  const alarms = w.alarms.map((a) => make("p", { class: "verdict", "data-word": "not stable" }, make("strong", { text: `✗ ALARM ${a.kind}: ${a.suspect}` }), make("span", { text: ` ${nice(a.because)}` })));
+  const unseen = nodes.map(([name, n]) => `${name} (not measured) ${n.value_C.toFixed(2)} ± ${n.half_K.toFixed(2)} °C`);
+  const lines = [...unseen, w.assumed.length ? `Assumed: ${w.assumed.map(nice).join("; ")}.` : ""].filter(Boolean);
+  at("bench-watch").replaceChildren(...alarms, make("p", { class: "verdict", "data-word": mark }, make("strong", { text: word }), make("span", { text: ` ${nice(w.because)}${w.model ? ` Model: ${w.model}.` : ""}` })), ...lines.map((text) => make("p", { class: "soft", text })));
 }
 function gapWords(c) {
   const by = {};
@@ -98,7 +114,7 @@ function draw(own) {
 
 at("bench-form").addEventListener("submit", (e) => { e.preventDefault(); open = true; found = null; focus = ""; at("bench-focus").value = ""; chart.zoom = null; look(true); });
 at("rule").addEventListener("change", () => { at("own-rule").parentElement.hidden = at("rule").value !== "own"; if (open && (at("rule").value !== "own" || at("own-rule").value)) look(true); });
-for (const id of ["since", "slowest", "reference", "own-rule"]) at(id).addEventListener("change", () => open && look(true));
+for (const id of ["since", "slowest", "reference", "own-rule", "watch-boundaries", "watch-within"]) at(id).addEventListener("change", () => open && look(true));
 at("bench-focus").addEventListener("change", () => { focus = at("bench-focus").value; if (open) look(true); });
 at("follow").addEventListener("change", () => followed());
 document.addEventListener("recolour", () => { if (found) { at("bench-legend").dataset.names = ""; show(); } });

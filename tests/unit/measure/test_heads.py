@@ -1,0 +1,96 @@
+"""Two or three lines of names above the samples: the telling one is taken or all are combined, and said; contradictions are refused."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import thermid as td
+from thermid.errors import RecordError
+from thermid.measure import read_record
+from thermid.measure.readers.formats import log_cells
+
+NAMES = ("Zeit", "Gehäuse", "Luft")
+UNITS = ("Zeit [s]", "Gehäuse [°C]", "Luft [°C]")
+SAMPLES = "".join(f"{30 * k};{20 + k},5;20,5\n" for k in range(8))
+
+
+@pytest.mark.parametrize(
+    ("head", "header", "said"),
+    [
+        ("CH1;CH2;CH3\nZeit;Gehäuse;Luft\ns;°C;°C\n", UNITS, "lines 1 to 2 .*those of line 2 .*left out: line 1 \\(CH1, CH2, CH3\\)"),
+        ("CH1;CH2;CH3\nZeit;Gehäuse;Luft\n", NAMES, "those of line 2"),
+        (";CH1;CH2\nZeit;Gehäuse;Luft\n[s];[°C];[°C]\n", UNITS, "those of line 2"),
+        ("1;2;3\nZeit;Gehäuse;Luft\ns;°C;°C\n", UNITS, "those of line 2 .*left out: line 1 \\(1, 2, 3\\)"),
+        ("Zeit;Gehäuse;Luft\nCH1;CH2;CH3\ns;°C;°C\n", UNITS, "those of line 1 .*left out: line 2"),
+        ("Zeit;CH1;CH2\n;Gehäuse;Luft\ns;°C;°C\n", UNITS, "those of line 2 \\(Zeit"),
+        ("CH1;CH2;CH3\nPosition 1;Position 2;Position 3\nZeit;Gehäuse;Luft\ns;°C;°C\n", UNITS, "lines 1 to 3 .*those of line 3"),
+        ("CH1;CH2;CH3\nZeit;Gehäuse;Luft\ns;°C;°C\n;Avg;Avg\n", UNITS, "those of line 2"),
+        ("Zeit;Gehäuse;Luft\nhh:mm;Typ K;Pt100\n", NAMES, "those of line 1"),
+        ("Zeit;Gehäuse;Luft\n;Typ K;Typ K\n", NAMES, "those of line 1"),
+        ("Logger;Halle;Nord\nZeit;Gehäuse;Luft\n", NAMES, "those of line 2"),
+        ("CH1;CH2 (°F);CH3\nZeit;Gehäuse;Luft\n", ("Zeit", "Gehäuse [degF]", "Luft"), "those of line 2"),
+        ("Zeit;T1;T2\n;Gehäuse;Luft\n", ("Zeit", "T1 Gehäuse", "T2 Luft"), "lines 1 and 2 combined"),
+        ("Zeit;Kammer;Schrank\n;Luft;Luft\ns;°C;K\n", ("Zeit [s]", "Kammer [°C]", "Schrank [K]"), "those of line 1"),
+        ("Zeit;Temp;Temp\nCH1;CH2;CH3\n", ("Zeit", "Temp CH2", "Temp CH3"), "lines 1 and 2 combined"),
+        ("CH1;CH2;CH3;\nZeit;Gehäuse;Luft;\n", NAMES, "those of line 2"),
+    ],
+)
+@pytest.mark.parametrize("above", ["", "Logger XY-12\nSerial;1234\n\n"])
+def test_the_names_that_tell_are_taken_and_it_is_said(log, head, header, said, above):
+    path = log(above + head + SAMPLES)
+    cells = log_cells(path)
+    assert cells.header == header
+    assert len(cells.lines) == 8
+    assert all(cells.columns[k][0] == first for k, first in enumerate(("0", "20,5", "20,5")))
+    if not above:
+        assert sum(bool(re.search(said, note)) for note in cells.notes) == 1
+    told = td.look(path)
+    assert not told.problem
+    assert any("note: lines " in line and "assumed names" in line for line in told.lines()[:8])
+    assert any("assumed names" in note for note in told.as_object()["notes"])
+
+
+def test_groups_over_several_columns(log):
+    path = log("Zeit;Kammer;;Schrank;\n;Wand;Luft;Wand;Luft\ns;°C;°C;°C;°C\n" + "".join(f"{k};1,5;2,5;3,5;4,5\n" for k in range(5)))
+    channels = {"Kammer Luft": {"node": "a"}, "Schrank Wand": {"node": "b"}}
+    record = read_record(path, channels)
+    assert [record[name].values[0] - 273.15 for name in channels] == pytest.approx([2.5, 3.5])
+    assert any("combined (Zeit, Kammer Wand, Kammer Luft, Schrank Wand" in note for note in record.steps)
+
+
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [
+        ("Zeit;Gehäuse;Luft\nWert;Uhrzeit;Luft\n", "bench.csv:1: lines 1 and 2 name different columns as the time. Put '#'"),
+        ("Zeit;CH1 (°C);CH2 (°C)\n;Gehäuse (°F);Luft\n", "bench.csv:1: a column has two units: .degC. in line 1 and .degF. in line 2."),
+        ("Zeit;CH1 (°F);CH2\n;Gehäuse;Luft\ns;°C;°C\n", "bench.csv:3: .*two units: .degF. in its name and .degC. below it"),
+    ],
+)
+def test_contradictions_are_refused(log, head, message):
+    path = log(head + SAMPLES)
+    with pytest.raises(RecordError, match=message):
+        td.look(path)
+    mended = log("".join(line if k else f"#{line}" for k, line in enumerate(head.splitlines(keepends=True))) + SAMPLES)
+    assert len(log_cells(mended).lines) == 8
+
+
+def test_numbers_below_the_names_are_no_sample_without_a_word(log):
+    with pytest.raises(RecordError, match=r"bench.csv:2: '1;2;3' may number the columns"):
+        log_cells(log("Zeit;Gehäuse;Luft\n1;2;3\n" + SAMPLES.replace("0;", "10;", 1)))
+    assert len(log_cells(log("Zeit;Gehäuse;Luft\n1,0;2,0;3,0\n" + SAMPLES.replace("0;", "10;", 1))).lines) == 9
+
+
+def test_one_name_for_two_columns_is_refused_where_it_is_used(log):
+    path = log("Zeit;Temp;Temp\n;Luft;Luft\n" + SAMPLES)
+    with pytest.raises(RecordError, match=r"2 columns have the name 'Temp Luft'\. Rename all but one\."):
+        read_record(path, {"Temp Luft": {"node": "a"}})
+
+
+@pytest.mark.parametrize("row", [";OL;OL", "Mar 5 2026;Error;Error", "x;-;-", "10:00;OL;err"])
+def test_a_sample_of_words_is_no_line_of_names(log, row):
+    path = log(f"time;T1;T2\n{row}\n" + SAMPLES)
+    assert log_cells(path).header == ("time", "T1", "T2")
+    with pytest.raises(RecordError):
+        read_record(path, {"T1": {"node": "a"}})
