@@ -236,8 +236,8 @@ def forecast(
         )
     if limit > LONGEST * span:
         raise RecordError(
-            f"a slowest time constant of {short(limit, 3)} s is {short(limit / span, 3)} times the {duration_text(span)} of readings, above "
-            f"{LONGEST:.0e} times. Give the longest time constant that the unit can have, with its unit.",
+            f"a slowest time constant of {short(limit, 3)} s is {short(limit / span, 3)} times the {duration_text(span)} of readings, "
+            f"above {LONGEST:.0e} times. Give the longest time constant that the unit can have, with its unit.",
             f"{record.name}, {name}, slowest",
         )
     known = _of_model(model, scenario)

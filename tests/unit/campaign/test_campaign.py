@@ -21,6 +21,7 @@ from thermid.model.laws.signal import TableSignal
 from thermid.reporting.pages.campaign import report
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
+from unit.interrupted import Still
 
 JOINT = "stack.contact_conductance"
 FIXED = 'as = "fixed"'
@@ -531,7 +532,7 @@ class TestCache:
         texts = [json.dumps(TableSignal(np.arange(5000.0), v), default=in_full) for v in (values, other)]
         assert texts[0] != texts[1]
 
-    def test_what_a_kept_fit_says_of_its_search(self, project: Path, tmp_path: Path) -> None:
+    def test_what_a_kept_fit_says_of_its_search(self, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """The page and the summary of a campaign that is run twice are the same: what a fit took is kept with its end."""
         joint = '["stack.contact_conductance"]'
         project.write_text(project.read_text().replace(joint, f'{joint}\nsearch = "multistart"'))
@@ -547,6 +548,7 @@ class TestCache:
                 two[name].warnings,
             )
             assert str(one[name]) == str(two[name])
+        monkeypatch.setattr("thermid.reporting.pages.tables.datetime", Still)
         pages = [report(c, to=tmp_path / f"{k}" / "page.html").read_bytes() for k, c in enumerate((one, two))]
         assert pages[0] == pages[1]
 
