@@ -26,7 +26,7 @@ FEWEST: Final = 40
 SHORTEST: Final = 0.1
 """A longest time constant below this share of the stretch is a mistake."""
 LONGEST: Final = 1e6
-"""The same above this many times the stretch: pairs of time constants up to it fill the memory, and readings cannot tell them apart."""
+"""The same above this many times the stretch: pairs of time constants up to it fill the memory, and no reading depends on them."""
 GUARD: Final = 0.02
 """Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
 that may be coefficients that grow with differences, or a hidden mass. [-]"""
