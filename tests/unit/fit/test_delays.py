@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.errors import RecordError, ThermidError
+from thermid.fit.second_clocks import widened_by_noise_of_powers
+from thermid.model.laws.signal import TableSignal
 from unit.fit.test_clocks import AIR, BOX, FREE
 
 TIMES = np.arange(0.0, 1801.0, 5.0)
@@ -120,3 +123,23 @@ def test_intervals_of_delays_hold() -> None:
         one = delay_of(td.calibrate(BOX, late(delay, seed).delayed((0.0, 60.0)), FREE, scenario=AIR))
         inside += abs(one.value - delay) < 1.96 * one.error
     assert inside >= 181  # 99 % binomial range about 95 % of 200, below
+
+
+def test_a_signal_stays_at_its_mean_between_its_changes() -> None:
+    noisy = TableSignal(np.arange(7.0), np.array([1.0, 1.2, 0.8, 5.0, 5.2, 3.9, 4.1]), True)
+    assert noisy.levelled(1.1).values == pytest.approx([1.0, 1.0, 1.0, 5.1, 5.1, 4.0, 4.0])
+    assert noisy.levelled(10.0).values == pytest.approx(np.full(7, noisy.values.mean()))
+
+
+def test_noise_of_the_power_is_no_information_of_its_delay() -> None:
+    """The derivative by a delay moves the noise along; the sum of squares does not curve by it, see decision 237."""
+    record = late(21.0)
+    noise = 0.1 * np.ptp(LEVELS) * np.random.default_rng(8).standard_normal(TIMES.size)
+    noisy = replace(record["P"], values=record["P"].values + noise)
+    found = td.calibrate(BOX, record.with_channels(noisy).delayed(("0 [s]", "1 [min]")), FREE, scenario=AIR, search="local")
+    one = delay_of(found)
+    assert one.value == pytest.approx(21.0, abs=2.5 * one.error)
+    at = np.array([found.fitted[u.name] for u in found.problem.unknowns])
+    wider = dict(zip([u.name for u in found.problem.unknowns], widened_by_noise_of_powers(found.problem, at), strict=True))
+    assert 1.1 < wider.pop("bench: delay") < 5.0
+    assert set(wider.values()) == {1.0}
