@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "coverage.md"
 BEGIN, END = "<!-- noise: begin -->", "<!-- noise: end -->"
 SEED = 20261122
-DEAR = {"posterior": 4, "next_test": 2, "power_history": 5, "power_history, coarse knots": 5, "clock": 4}
+DEAR = {"profile": 4, "posterior": 25, "next_test": 4, "power_history": 16, "power_history, coarse knots": 16, "clock": 8}
 """Consumers that take so many times as long, and get so many times fewer logs."""
 
 
@@ -45,29 +45,23 @@ def shown(cell: Cell, promises: bool) -> str:
     return text + (f"; {min(sizes):.2f} to {max(sizes):.2f}" if promises and sizes else "")
 
 
-def section(logs: int) -> str:
-    """Return the section."""
-    from recovery.noise_cases import CONSUMERS, KINDS, campaign
+def row(consumer: str, logs: int) -> str:
+    """Return the row of a consumer."""
+    from recovery.noise_cases import KINDS, campaign
 
-    rows = []
-    for consumer in CONSUMERS:
-        count = max(4, logs // DEAR.get(consumer, 1))
-        cells = []
-        for kind in KINDS:
-            cell = campaign(consumer, kind, count, SEED)
-            print(
-                consumer,
-                "|",
-                kind,
-                "|",
-                shown(cell, True),
-                "|",
-                {n: round(v**0.5, 2) for n, v in cell.squares.items()},
-                cell.declined,
-                flush=True,
-            )
-            cells.append(shown(cell, consumer == "next_test"))
-        rows.append(f"| {consumer} | {count} | {' | '.join(cells)} |")
+    count, cells = max(4, logs // DEAR.get(consumer, 1)), []
+    for kind in KINDS:
+        cell = campaign(consumer, kind, count, SEED)
+        scores = {n: round(v**0.5, 2) for n, v in cell.squares.items()}
+        print(consumer, "|", kind, "|", count, shown(cell, True), "|", scores, cell.declined, flush=True)
+        cells.append(shown(cell, consumer == "next_test"))
+    return f"| {consumer} | {count} | {' | '.join(cells)} |"
+
+
+def section(rows: list[str], logs: int) -> str:
+    """Return the section."""
+    from recovery.noise_cases import KINDS
+
     low, high = binomial_range(logs)
     head = f"| consumer | logs | {' | '.join(KINDS)} |\n|{'---|' * (len(KINDS) + 2)}"
     return f"""{BEGIN}
@@ -86,7 +80,7 @@ refits, over the promise.
 {head}
 {chr(10).join(rows)}
 
-Cells of 8 to 20 logs are a check for gross errors only; `power_history` states twelve means a log, of which the lowest share is shown.
+Cells of 16 to 25 logs are a check for gross errors only; `power_history` states twelve means a log, of which the lowest share is shown.
 Shares above the range: an error that is even between two limits, as that of a mean in steps, never leaves 1.96 of its standard deviations;
 and what a trace wanders is estimated from the same trace. Without a logged power the column "noisy power" repeats white noise for
 `power_history`.
@@ -97,16 +91,23 @@ def main() -> None:
     """Write the section in its place."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--logs", type=int, default=400)
+    parser.add_argument("--only", nargs="*", default=[], help="consumers whose rows are made again; all by default")
     parser.add_argument("--page", type=Path, default=PAGE)
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT / "tests"))
-    text, own = given.page.read_text(encoding="utf-8"), section(given.logs)
-    if BEGIN in text:
-        before, rest = text.split(BEGIN)
-        text = before.rstrip() + "\n\n" + own + rest.split(END)[1]
-    else:
-        text = text.rstrip() + "\n\n" + own + "\n"
-    given.page.write_text(text, encoding="utf-8")
+    from recovery.noise_cases import CONSUMERS
+
+    for consumer in given.only or CONSUMERS:
+        made = row(consumer, given.logs)
+        text = given.page.read_text(encoding="utf-8")  # a row at a time: what was made stays where the rest is interrupted
+        before, _, rest = text.partition(BEGIN)
+        old, _, after = rest.partition(END)
+        rows = {
+            name: line for line in old.splitlines() if (name := line.split("|")[1].strip() if line.startswith("| ") else "") in CONSUMERS
+        }
+        rows[consumer] = made
+        own = section([rows[c] for c in CONSUMERS if c in rows], given.logs)
+        given.page.write_text(f"{before.rstrip()}\n\n{own}{after or chr(10)}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
 from thermid.fit.problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit.search import Progress, searched
-from thermid.fit.second_clocks import at_clocks, in_turns, with_clocks
+from thermid.fit.second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
 from thermid.fit.uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit.uncertainty.moved import Moves, moves_above
@@ -692,6 +692,9 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         found = replace(again, **same)
     spread = autocorrelation(problem, found, request.loss, request.loss_scale)
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
+    if problem.clocked:
+        wider = widened_by_noise_of_powers(problem, found.fitted)
+        random = random * np.outer(wider, wider)
     asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
     end = {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)}
     kept = KeptFit(end, found.evaluations, found.search, found.remarks)

@@ -776,14 +776,19 @@ def _moved_in(fit: Calibration, problem: Problem, at: Array, pieces: Mapping[tup
     return np.asarray(-known @ cross / level)
 
 
+ROUNDING: Final = 1e-6
+"""What wanders by less is the end of a search or of a step, not what a model does not follow. [K]"""
+
+
 def misfit_found(problem: Problem, autocorrelation: Autocorrelation) -> dict[str, float]:
-    """Return node -> standard deviation of what wanders in its residuals, over all records. [K]"""
+    """Return node -> standard deviation of what wanders in its residuals, over all records; 0 below `ROUNDING`. [K]"""
     slow = {(t.record, t.sensor): t.correlated_variance for t in autocorrelation.traces}
     parts: dict[str, list[float]] = {}
     for e in problem.experiments:
         for o in e.observations:
             parts.setdefault(o.seat, []).append(slow.get((e.record.name, o.sensor), 0.0) * o.sigma(problem.noise) ** 2)
-    return {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}
+    sizes = {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}
+    return {n: size if size >= ROUNDING else 0.0 for n, size in sizes.items()}
 
 
 def misfit_kept(provenance: Mapping[str, Any]) -> dict[str, float]:

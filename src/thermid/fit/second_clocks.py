@@ -18,7 +18,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, RecordError, ScenarioError, SolverError
 from thermid.fit.minimisation import Fit, covariances, minimise
-from thermid.fit.problem.experiment import OFFSET, Ticks
+from thermid.fit.problem.experiment import OFFSET, SCALE, Experiment, Ticks
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import SHIFT, Compressed, Problem, SensorTrace, Unknown, as_triangle, clock_at, loss_of, starting_point
@@ -85,6 +85,51 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
             for k, _ in problem.ticking(i):
                 unknowns[k] = replace(unknowns[k], start=float(fitted[k]))
     return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))
+
+
+CHANGED = 3.5
+"""Standard deviations of the difference of two samples of a power from which it changed, and was not only noise. [-]"""
+
+
+UNKNOWN = 1e3
+"""Most times that an error grows: without a true change of the power nothing is known of its clock. [-]"""
+
+
+def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
+    """Return how many times larger errors of the unknowns (unknowns,) are because noise of sampled powers adds to derivatives by clocks.
+
+    A shift moves the noise of a meter with its power. The derivatives of readings by an offset then hold two parts, of true changes and of
+    noise, J = J_0 + N, and J'J counts N'N as information. It is none: about the best offset the sum of squares curves by J_0'J_0 alone,
+    because residuals answer to the same noise (errors in variables: Fuller, Measurement Error Models, 1987, 1.1). With the covariance of
+    J'r as it is, errors grow by J'J / J_0'J_0, each beside what the other unknowns explain. J_0 is that of a power that stays at its mean
+    between its true changes.
+    """
+    out = np.ones(len(problem.unknowns))
+    for i, e in enumerate(problem.experiments):
+        calm = _calm(e)
+        ticking = [k for k, _ in problem.ticking(i)]
+        if calm is None or not ticking:
+            continue
+        quiet = replace(problem, experiments=tuple(calm if j == i else other for j, other in enumerate(problem.experiments)))
+        full, true = (p.slopes(i, fitted).reshape(-1, out.size) for p in (problem, quiet))
+        others, _ = np.linalg.qr(full[:, [k for k in range(out.size) if k not in ticking]])
+        for k in ticking:
+            sizes = [float(np.sum((c - others @ (others.T @ c)) ** 2)) for c in (full[:, k], true[:, k])]
+            out[k] = min(max(sizes[0] / max(sizes[1], 1e-300), 1.0), UNKNOWN)
+    return out
+
+
+def _calm(experiment: Experiment) -> Experiment | None:
+    """Return an experiment whose sampled powers on a second clock stay at their means between true changes; None where none has noise."""
+    tables: dict[str, dict[str, Any]] = {}
+    for name, path in experiment.ticks.driven if experiment.ticks is not None else ():
+        table = getattr(experiment.scenario, name)[path]
+        noise = experiment.noisy.get(SCALE + path)
+        if noise is None or not noise.white > 0.0 or not isinstance(table, TableSignal):
+            continue
+        calm = table.levelled(CHANGED * math.sqrt(2.0) * noise.white)
+        tables.setdefault(name, dict(getattr(experiment.scenario, name)))[path] = calm
+    return replace(experiment, scenario=experiment.scenario.with_(**tables)) if tables else None
 
 
 def clock_grid(offset: tuple[float, float], rate: tuple[float, float]) -> tuple[Array, Array]:

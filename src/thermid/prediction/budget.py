@@ -12,6 +12,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
+from thermid.explain.defects import asks
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import (
     EXPECTED,
@@ -350,6 +351,12 @@ class Target:
     also: tuple[str, ...] = ()
 
 
+UNSOUGHT = (
+    "the residuals exceed the stated noise, and hidden defects (clocks, lags, a mass, a leak) were not looked for here: "
+    "the band is that of the deck. predict without draws looks for them"
+)
+"""What a reader of a band must know whose fit may hide a defect, where nobody looked for one."""
+
 UNSEEN = "the bands do not count what the equations of the FMU leave out: its structure is not known here"
 """What is said of the band of a model that is run by somebody else's program."""
 
@@ -662,7 +669,8 @@ def budget_of(
         make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
     unseen = UNSEEN if own.runner is not None else ""
-    remarks = tuple(r for r in (unseen, remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
+    unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
+    remarks = tuple(r for r in (unseen, unsought, remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
     whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=remarks)
     return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
 

@@ -26,9 +26,9 @@ from thermid.measure.amounts import short
 from thermid.model.parts.parameter import UNJUDGED, Standing, worst
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction.budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
 from thermid.prediction.known import Known, Rows
-from thermid.prediction.setting import Linear, Setting
+from thermid.prediction.setting import Drawn, Linear, Setting
 from thermid.results import PlottedTrace, Result, Row
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solution import Solution
@@ -335,7 +335,8 @@ def predict(
         )
         for e in others
     ]
-    return averaged(plain, others, told, known.fit) if told else plain
+    looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
+    return averaged(plain, others, told, known.fit) if told else looked
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:
@@ -441,9 +442,16 @@ def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -
     if straight:
         every = np.arange(sources.shape[1])
         return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
-    found = setting.temperatures(sources, list(linear.columns), extremes=False).kelvin
+    found = _bent(setting, linear, sources, list(linear.columns)).kelvin
     kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
     return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
+
+
+def _bent(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
+    """Return temperatures of members, straight in what the fit takes back, see `Setting.cancelled`."""
+    straight = setting.cancelled(linear)[:, None] * sources
+    drawn = setting.temperatures(sources - straight, nodes, extremes=False)
+    return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})
 
 
 def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut, ...], float]:
@@ -488,7 +496,7 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     shape = budget.drawn(budget.numbers(0, 0, SHAPE))
     half = budget.numbers(1, 0, PROBES // 2)
     probe = budget.drawn(np.hstack([half, 1.0 - half]))
-    drawn = setting.temperatures(probe, list(size), extremes=False)
+    drawn = _bent(setting, linear, probe, list(size))
     actual, many = drawn.kelvin, drawn.runs
     if many is not None and many.failed:
         return Missed("some members did not reach the end", True)

@@ -28,7 +28,7 @@ from thermid.fit.discrepancy import (
     unsaid_paths,
     with_patterns,
 )
-from thermid.linear_algebra import Array
+from thermid.linear_algebra import Array, Bools
 from thermid.prediction.budget import Budget, Target, combined, listed
 from thermid.simulation.ensemble import Ensemble
 from thermid.simulation.scenarios.scenario import Scenario
@@ -41,6 +41,8 @@ from thermid.simulation.solver.wiring import Wiring
 
 GUESSED = 0.25
 """Shift, or half-width, by what nobody has stated, from which it is spoken of. [K]"""
+TAKEN_BACK = 0.3
+"""Part of the effect of an assumed value alone that is left with the fit solved again, below which the fit has taken it back. [-]"""
 VALUES = ("add", "log", "factor")
 """Forms of targets that are values."""
 PASSES = 3
@@ -223,11 +225,31 @@ class Setting:
             f"{listed(sorted(set(modes.values())))}."
         )
 
-    def _chain(self) -> Array:
+    def cancelled(self, linear: Linear) -> Bools:
+        """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
+
+        Both effects are large and of opposite sign, and fitted values are known to follow along a straight line only: what members differ
+        from the straight model by is then the error of that line. Such a source leaves less than `TAKEN_BACK` of its effect alone.
+        """
+        budget = self.budget
+        own = np.array([[s.name in (t.name, *t.also) for s in budget.sources] for t in budget.targets], dtype=bool)
+        own = own.reshape(len(budget.targets), len(budget.sources))
+        many: Bools = own.any(axis=0) & (np.where(own, 0.0, budget.gain) != 0.0).any(axis=0)
+        if not many.any() or not self.ready.free:
+            return many
+        chain = self._chain(np.where(own, budget.gain, 0.0))
+        alone, left = np.zeros(many.size), np.zeros(many.size)
+        for n, columns in linear.columns.items():
+            alone += np.sum((linear.run.slopes(n) @ chain) ** 2, axis=0)
+            left += np.sum(columns[:-1] ** 2, axis=0)
+        many &= left < TAKEN_BACK**2 * alone
+        return many
+
+    def _chain(self, gain: Array | None = None) -> Array:
         """Return what a unit of each source does to the free names (free, sources)."""
         place = {name: k for k, name in enumerate(self.ready.free)}
         out = np.zeros((len(place), len(self.budget.sources)))
-        for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
+        for t, row in zip(self.budget.targets, self.budget.gain if gain is None else gain, strict=True):
             for name in self.carriers.get(t, ()):
                 factor = self.ready.nominal[name] if t.form in ("log", "factor") else 1.0
                 out[place[name]] += factor * row

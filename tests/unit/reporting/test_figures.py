@@ -11,7 +11,7 @@ import thermid as td
 from thermid.fit.problem.residuals import SensorTrace
 from thermid.reporting.pictures import chart, figures
 from thermid.reporting.pictures.chart import Panel, Stroke, thinned
-from thermid.reporting.pictures.figures import Dots, choose, overview, prediction, time_unit, trace
+from thermid.reporting.pictures.figures import Dots, choose, coverage, overview, prediction, time_unit, trace
 from unit.reporting.conftest import points_in
 
 
@@ -155,3 +155,23 @@ def test_a_figure_says_in_words_what_is_seen() -> None:
     assert said is not None
     assert said[1].startswith("T in r, RMSE 0.1 K. Time 0 to 60 min; measured: from 26.9 to 36.7 °C")
     assert "; simulated: from 26.9 to 36.7 °C, range 26.9 to 36.7; measured less simulated: from" in said[1]
+
+
+def drawn_at(markup: str, label: str) -> np.ndarray:
+    """Points of a line, read back from its markup as a page's script does."""
+    low_x, high_x, low_y, high_y = (float(v) for v in re.search(r'data-ends="([^"]+)"', markup)[1].split())
+    path = re.search(rf'data-n="{re.escape(label)}"[^>]* d="([^"]*)"', markup)[1]
+    steps = np.array([float(v) for v in re.findall(r"-?\d+", path)]).reshape(-1, 2).cumsum(axis=0) / 10_000
+    return np.column_stack([low_x + steps[:, 0] * (high_x - low_x), high_y - steps[:, 1] * (high_y - low_y)])
+
+
+def test_nominal_and_observed_shares_stand_where_they_are() -> None:
+    levels = (0.5, 0.8, 0.9, 0.95, 0.99)
+    narrow, wide = dict(zip(levels, (0.2, 0.4, 0.5, 0.55, 0.7), strict=True)), dict.fromkeys(levels, 1.0)
+    drawn = coverage({"narrow": narrow, "wide": wide}, "c", "label")
+    assert [e.label for e in drawn.legend] == ["as promised", "narrow", "wide"]
+    for name, found in (("as promised", {v: v for v in levels}), ("narrow", narrow), ("wide", wide)):
+        assert drawn_at(drawn.markup, name) == pytest.approx(100.0 * np.array([[k, v] for k, v in found.items()]), abs=0.02), name
+    many = coverage({f"r{k}": {v: v * (0.8 + 0.01 * k) for v in levels} for k in range(20)}, "c", "label")
+    assert [e.label for e in many.legend] == ["as promised", "mean of 20 records", "lowest to highest"]
+    assert drawn_at(many.markup, "mean of 20 records")[:, 1] == pytest.approx(100.0 * 0.895 * np.array(levels), abs=0.02)

@@ -283,3 +283,12 @@ def test_words_of_terminals_are_printed_as_a_page_does(written: str, printed: st
 
     assert typeset(written) == printed
     assert typeset(printed) == printed
+
+
+def test_nominal_against_observed_coverage_is_a_figure_where_a_verdict_has_bands(page: Page, campaign: Campaign, tmp_path: Path) -> None:
+    (verdict,) = campaign.verdicts
+    assert verdict.bands is not None
+    assert "a hold-out record a line" in page.text
+    assert f'data-n="{verdict.record}"' in page.source[page.source.index('id="coverage') :]
+    bare = Page(report(replace(campaign, verdicts=(replace(verdict, bands=None),)), to=tmp_path / "b.html"))
+    assert "a hold-out record a line" not in bare.text

@@ -283,6 +283,11 @@ class TableSignal:
         steps = np.abs(np.diff(self.values))
         return [int(k) + 1 for k in np.argsort(-steps, kind="stable")[: min(most, np.count_nonzero(steps))]]
 
+    def levelled(self, least: float) -> TableSignal:
+        """Return the signal at its mean between changes from sample to sample that are larger than `least`."""
+        stretch = np.append(0, np.cumsum(np.abs(np.diff(self.values)) > least))
+        return replace(self, values=(np.bincount(stretch, self.values) / np.bincount(stretch))[stretch], unit="")
+
     def delayed(self, place: int, by: float) -> TableSignal:
         """Return the signal with one of its samples later. [s]"""
         times = self.times.copy()

@@ -24,7 +24,7 @@ from thermid.judge.metrics import largest, metric
 from thermid.judge.verdict import Verdict
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
-from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, significant, tall
+from thermid.reporting.blocks.content import DASH, Cell, Graphic, Head, Line, Table, duration, number, plain, pretty, significant, tall
 from thermid.reporting.blocks.extras import check_page, tables_folder, write_page
 from thermid.reporting.blocks.numbering import Sheets, check_audience
 from thermid.reporting.diagrams.diagram import diagram
@@ -94,6 +94,7 @@ def report(
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign) if audience != "summary" else None,
+        coverage=_coverage(campaign) if audience != "summary" else None,
         front=front(campaign),
         coefficients=coefficients,
         others=others,
@@ -224,6 +225,16 @@ def _held_out(campaign: Campaign) -> Part | None:
     judged = {id(b): v for b, v in blocks.values()}
     several = models if len(set(models.values())) > 1 else None
     return _traces([b for b, _ in blocks.values()], "held-out", several, fits=fits, judged=judged)
+
+
+def _coverage(campaign: Campaign) -> Graphic | None:
+    """Return nominal against observed shares of readings inside the bands of the verdicts; None where no verdict has bands."""
+    judged = {(v.model, v.record): v.bands.coverage for v in campaign.verdicts if v.bands is not None and v.bands.bands}
+    if not judged:
+        return None
+    several = len({model for model, _ in judged}) > 1
+    shares = {f"{record}, {model}" if several else record: found for (model, record), found in judged.items()}
+    return figures.coverage(shares, "coverage", "Readings inside the band against the nominal share")
 
 
 def _dots(campaign: Campaign) -> list[Dots]:

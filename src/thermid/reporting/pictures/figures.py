@@ -265,6 +265,34 @@ def prediction(solution: Solution, key: str, label: str) -> Graphic:
     return Graphic(markup, tuple(entries))
 
 
+def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) -> Graphic:
+    """Return the share of readings inside a band over the share that the band promises, a line for each record.
+
+    Below the diagonal bands are too narrow. More records than colours are drawn as their mean, between the lowest and the highest.
+
+    Parameters
+    ----------
+    shares : dict   Record -> nominal share -> share observed. [-]
+    key : str       Prefix of the figure's identifiers.
+    label : str     What a screen reader says.
+    """
+    levels = np.array(sorted(next(iter(shares.values()))))
+    seen = 100.0 * np.array([[own[level] for level in levels.tolist()] for own in shares.values()])
+    x = 100.0 * levels
+    lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), 1.1, "6 2.5")], []
+    if len(shares) <= len(SERIES):
+        looks = [(f"--s{n}", SERIES[n]) for n in range(len(shares))]
+        dashes = [" ".join(f"{d:g}" for d in DASHES[n]) for n in range(len(shares))]
+        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, look, dash in zip(shares, seen, looks, dashes, strict=True)]
+    else:
+        areas = [Area("lowest to highest", x, seen.min(axis=0), seen.max(axis=0))]
+        lines.append(Stroke(f"mean of {len(shares)} records", x, seen.mean(axis=0), LOOKS["simulated"], 1.8))
+    panel = Panel("readings inside", "%", lines, areas, (100.0,))
+    markup = chart([panel], key=key, label=label, x_name=("nominal share of the band", "%"), size=(760, 300))
+    entries = [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in lines]
+    return Graphic(markup, (*entries, *(LegendEntry(a.label, "--f-simulated", "band") for a in areas)))
+
+
 STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
     "measured": (("--f-measured", MEASURED), 3.4, ""),
     "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
