@@ -18,6 +18,7 @@ POINTS: Final = {
     "humidity along a profile": ("thermid.site", "moisture", "humid"),
     "an FMU as a model": ("thermid.interop", "fmu.as_model", "fmu_model"),
     "the log of a bench": ("thermid.acquire", "benchlog", "bench_cells"),
+    "a serial port that is watched": ("thermid.acquire", "capture", "listening"),
 }
 """Point -> part, module, function."""
 

@@ -92,6 +92,23 @@ class Crooked:
         slots = self.net.loads[load][2]
         return self.net.coefs[slots[1]][0], self.net.coefs[slots[2]][0]
 
+    def _settle(self, t: float, massive: np.ndarray) -> int:
+        """Switch what is past its threshold already; return how often.
+
+        A sensor without capacitance jumps with its room or with a power, and where it lands beyond the threshold no zero is crossed.
+        """
+        switched = 0
+        while True:
+            off = [(load, self._sensor(t, massive, load) - self._limits(load)[int(self.on[load])]) for load in self.thermostats]
+            past = [load for load, above in off if (above > 0.0 if self.on[load] else above < 0.0)]
+            if not past:
+                return switched
+            switched += 1
+            if switched > SWITCHINGS:
+                raise NoVerdictError
+            for load in past:
+                self.on[load] = 1 - self.on[load]
+
     def solve(self, times: np.ndarray, rtol: float, atol: float) -> np.ndarray:
         """Return the temperatures (times, nodes). [K]"""
         jumps = {float(t) for _, a, b in self.net.inputs if len(b) for t in a if times[0] < t < times[-1]}
@@ -106,6 +123,7 @@ class Crooked:
         for begin, end in pairwise(edges):
             self.middle, here = 0.5 * (begin + end), begin
             while here < end:
+                switched += self._settle(here, state)
                 events = [self._event(load) for load in self.thermostats]
                 with np.errstate(all="ignore"):
                     found = solve_ivp(

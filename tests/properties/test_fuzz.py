@@ -10,7 +10,7 @@ from fuzz.contestants import CONTESTANTS, Outcome
 from fuzz.judge import Verdicts, _fault, judge, truth
 from fuzz.networks import FAMILIES, Case, draw
 from thermid import _kernel as k
-from unit.kernel.reference import Net
+from unit.kernel.reference import THERMOSTAT, Net
 
 QUICK, LONG = 5, 300
 
@@ -45,6 +45,24 @@ def chain() -> Net:
 def test_the_oracles_agree_with_each_other() -> None:
     times = np.linspace(0.0, 1500.0, 31)
     assert np.abs(exact.solve(chain(), times) - crooked.solve(chain(), times)).max() < 1e-6
+
+
+def test_the_oracle_switches_where_its_sensor_jumps_past_a_threshold() -> None:
+    """Seed 158: a sensor without capacitance steps with its room past the threshold, so that no zero of the distance is crossed."""
+    net, rooms, steps = Net(), [290.0, 279.0, 290.0, 279.0], [0.0, 100.0, 250.0, 400.0]
+    heavy, sensor = net.node(500.0, 300.0), net.node(None, 300.0)
+    room = net.boundary(gain=net.coef(1.0, net.input(k.SAMPLED_HOLD, steps, rooms)))
+    net.link(k.LINEAR, heavy, room, net.coef(0.5))
+    net.link(k.LINEAR, sensor, room, net.coef(0.5))
+    net.load(THERMOSTAT, heavy, net.coef(2.0), net.coef(281.0), net.coef(283.0), sensor=sensor)
+    times = np.linspace(0.0, 500.0, 51)
+    warm = [300.0]
+    for t in times[:-1]:  # every step of the room is a time of output
+        balance = 279.0 + 2.0 / 0.5 if 100.0 <= t < 250.0 or t >= 400.0 else 290.0
+        warm.append(balance + (warm[-1] - balance) * float(np.exp(-(times[1] - times[0]) * 0.5 / 500.0)))
+    assert np.abs(crooked.solve(net, times)[:, 0] - warm).max() < 1e-5
+    case = Case(0, "switching", net, times, {"max_steps": 20_000})
+    assert not _fault(case, "kernel", CONTESTANTS["kernel"](case), "crooked", crooked.solve(net, times))
 
 
 @pytest.mark.campaign

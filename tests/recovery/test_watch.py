@@ -11,7 +11,7 @@ from recovery.watch_cases import Outcome, drawn, hiding, named, quiet, watched
 CASES, HIDDEN, FAULTS, QUIET = 1000, 200, 40, 40
 
 
-@pytest.mark.parametrize("seed", [0, 1, 3])
+@pytest.mark.parametrize("seed", [0, 1, 7])
 def test_a_stop_is_right_and_saves_three_tenths(seed: int) -> None:
     found = watched(drawn(seed))
     assert found.stopped

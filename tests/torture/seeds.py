@@ -278,7 +278,8 @@ def make(folder: Path) -> None:
     made = {"records": {"bench": "a" * 64}, "version": "0.2", "date": "2026-01-01", "conditions": {}, "misfit": {"case": 0.1}}
     FittedValues("unit", {item.path: item}, np.array([[0.0016]]), made).save(folder / "unit.values.toml")
     look(folder, "bench", "a" * 64, "unit", "k", False)
-    (folder / "unit.fit.json").write_text(json.dumps({"key": "k", "code": "c", "ingredients": {}, "fitted": {"x": 1.0}}), encoding="utf-8")
+    kept = {"key": "k", "code": "c", "ingredients": {}, "fitted": {"x": 1.0}, "evaluations": 8, "search": "", "remarks": ["one"]}
+    (folder / "unit.fit.json").write_text(json.dumps(kept), encoding="utf-8")
     (folder / "qualify").mkdir(exist_ok=True)
     plan = project(folder / "qualify", PLAN)
     lock_plan(td.qualify.load_plan(plan))

@@ -6,8 +6,8 @@ import hashlib
 import json
 import sys
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.errors import ThermidError
 from thermid.files import OWN, read_bytes, replacing, write_text
-from thermid.linear_algebra import Array
+from thermid.fit.minimisation import KeptFit
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import Origin
 from thermid.measure.record.sensor import SensorPart
@@ -51,15 +51,16 @@ def file_name(stage: str) -> str:
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in stage)
 
 
-def recall(folder: Path | None, stage: str, key: str) -> dict[str, float] | None:
-    """Return name -> fitted form of a finished stage, or None when nothing is kept or anything has changed since."""
+def recall(folder: Path | None, stage: str, key: str) -> KeptFit | None:
+    """Return what is kept of the fit of a finished stage, or None when nothing is kept or anything has changed since."""
     path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
     if path is None or not path.is_file():
         return None
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         fitted = {str(k): float(v) for k, v in kept["fitted"].items()}
-        return fitted if (kept["key"], kept["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all() else None
+        same = (kept["key"], kept["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
+        return KeptFit(fitted, int(kept["evaluations"]), str(kept["search"]), tuple(map(str, kept["remarks"]))) if same else None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None  # a damaged file is as good as none: the stage runs again
 
@@ -78,15 +79,12 @@ def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str
         return ("the cached file is damaged",)
 
 
-def remember(
-    folder: Path | None, stage: str, key: str, names: Sequence[str], fitted: Array, ingredients: Mapping[str, str] | None = None
-) -> None:
-    """Keep the end of a stage, with the hashes of what it depends on."""
-    if folder is None:
+def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ingredients: Mapping[str, str] | None = None) -> None:
+    """Keep the end of a stage, with what its fit took and the hashes of what it depends on."""
+    if folder is None or end is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
-    end = dict(zip(names, map(float, fitted), strict=True))
-    content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), "fitted": end}
+    content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), OWN)
 
 

@@ -319,7 +319,7 @@ def fit_jointly(
     kept = recall(cache, NAME, key)
     calibration = fit_problem(whole, problem, progress, kept)
     if kept is None and calibration.converged and key:
-        remember(cache, NAME, key, list(calibration.fitted), np.array(list(calibration.fitted.values())))
+        remember(cache, NAME, key, calibration.kept)
     store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
     return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
 

@@ -402,7 +402,7 @@ def run_stages(
             if kept is None:
                 changed[stage.name] = changed_since(folder, stage.name, ingredients)
                 if found.converged:
-                    remember(folder, stage.name, request.key, list(found.fitted), np.array(list(found.fitted.values())), ingredients)
+                    remember(folder, stage.name, request.key, found.kept, ingredients)
             done[stage.name] = found
             _go_on(found, [s.name for s in source.content.stages[k + 1 :]], source)
     made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)

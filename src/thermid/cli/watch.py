@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 import typer
 
-from thermid.acquire.capture import PortCapture, listening
 from thermid.cli.options import Boundaries, ScenarioPath, pairs, with_unit
 from thermid.errors import RecordError
+from thermid.extensions import extension
 from thermid.measure.amounts import amount
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.record import Record
@@ -31,6 +31,11 @@ from thermid.units import TEMPERATURE
 from thermid.watch.growing import GrowingLog
 from thermid.watch.stopping import Stopping, TemperatureLimit
 from thermid.watch.watcher import Watcher, WatchLook
+
+if TYPE_CHECKING:
+    from thermid.acquire.capture import PortCapture
+
+PORT: Final = "a serial port that is watched"
 
 
 def watch(
@@ -68,9 +73,11 @@ def watch(
         if said is not None and boundary
         else said
     )
+    if capture is not None and not _is_port(log):
+        raise RecordError(f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture")
     made = _Made(rule, within, limit, slowest, deck, said, required)
     with ExitStack() as open_:
-        line = open_.enter_context(listening(log, capture)) if _is_port(log) else None
+        line = open_.enter_context(extension(PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
 
         def read(piece: Path) -> Record:

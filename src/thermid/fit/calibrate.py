@@ -17,7 +17,7 @@ from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.inputs import inputs_of
-from thermid.fit.minimisation import Fit, covariances, ended, minimise
+from thermid.fit.minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
@@ -640,12 +640,10 @@ def calibrate(
     return fit(request, progress, stoppable=True)
 
 
-def fit(
-    request: Request, progress: Progress | None = None, known: Mapping[str, float] | None = None, stoppable: bool = False
-) -> Calibration:
+def fit(request: Request, progress: Progress | None = None, known: KeptFit | None = None, stoppable: bool = False) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
-    `known` is the end of the same fit from before, unknown -> fitted form; it is then evaluated and not searched again. `stoppable` says
+    `known` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
     whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
     """
     if request.hand is not None:
@@ -657,7 +655,7 @@ def fit_problem(
     request: Request,
     problem: Problem,
     progress: Progress | None = None,
-    known: Mapping[str, float] | None = None,
+    known: KeptFit | None = None,
     stoppable: bool = False,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
@@ -667,12 +665,11 @@ def fit_problem(
         return _fitted(request, problem, progress, known, stoppable)
 
 
-def _fitted(
-    request: Request, problem: Problem, progress: Progress | None, known: Mapping[str, float] | None, stoppable: bool
-) -> Calibration:
+def _fitted(request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
-    if known is not None and list(known) == [u.name for u in problem.unknowns]:
-        found = ended(problem, np.array(list(known.values())), request.loss, request.loss_scale)
+    if known is not None and list(known.fitted) == [u.name for u in problem.unknowns]:
+        found = ended(problem, np.array(list(known.fitted.values())), request.loss, request.loss_scale, known.evaluations)
+        found = replace(found, search=known.search, remarks=known.remarks)
     else:
         with _units_asked(problem):
             if problem.clocked:
@@ -691,14 +688,16 @@ def _fitted(
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
         again = ended(problem, found.fitted, request.loss, request.loss_scale)
-        kept = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
-        found = replace(again, **kept)
+        same = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
+        found = replace(again, **same)
     spread = autocorrelation(problem, found, request.loss, request.loss_scale)
     _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
     if problem.clocked:
         wider = widened_by_noise_of_powers(problem, found.fitted)
         random = random * np.outer(wider, wider)
     asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
+    end = {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)}
+    kept = KeptFit(end, found.evaluations, found.search, found.remarks)
     found = replace(found, remarks=(*found.remarks, *asked))
     try:
         if not found.stopped:
@@ -711,7 +710,7 @@ def _fitted(
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
-    return with_discrepancy(summarise(request, problem, found, errors, random, spread))
+    return with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from thermid.fit.inputs import InputTable, input_lines, inputs_of
+from thermid.fit.minimisation import KeptFit
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
@@ -146,6 +147,7 @@ class Calibration(Renamed, Result):
     verdict : Standing or None  What failed verdicts on it make of it.
     store : Store               Everything known of the model's values, at every depth.
     stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
+    kept : KeptFit or None      What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand.
     """
 
     stage: str
@@ -176,6 +178,7 @@ class Calibration(Renamed, Result):
     rests: Mapping[str, Standing] = field(default_factory=dict)
     verdict: Standing | None = None
     stopped: bool = False
+    kept: KeptFit | None = field(default=None, repr=False)
 
     @property
     def standing(self) -> Standing:

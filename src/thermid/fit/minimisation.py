@@ -7,7 +7,7 @@ May import: `fit.problem` and the rooms below a fit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -82,6 +82,24 @@ class Fit:
     search: str = ""
     remarks: tuple[str, ...] = ()
     stopped: bool = False
+
+
+@dataclass(frozen=True)
+class KeptFit:
+    """What is kept of a fit that ended: enough to take it again without a search, and to say the same of it.
+
+    Parameters
+    ----------
+    fitted : dict               Unknown -> its value, in the fitted form.
+    evaluations : int           How often the records were simulated.
+    search : str                What was looked at beyond one descent; empty for nothing.
+    remarks : tuple of str      What a reader must know of the search.
+    """
+
+    fitted: Mapping[str, float]
+    evaluations: int
+    search: str = ""
+    remarks: tuple[str, ...] = ()
 
 
 class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.arguments import takes_objects
 from thermid.errors import RecordError, ScenarioError
-from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.amounts import amount, duration_text, positive_seconds, short
 from thermid.measure.record.channel import BoolArray, FloatArray, step_of, stretch, within_log
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule, rule_of
@@ -25,6 +25,8 @@ FEWEST: Final = 40
 """Readings below which nothing is forecast."""
 SHORTEST: Final = 0.1
 """A longest time constant below this share of the stretch is a mistake."""
+LONGEST: Final = 1e6
+"""The same above this many times the stretch: pairs of time constants up to it fill the memory, and no reading depends on them."""
 GUARD: Final = 0.02
 """Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
 that may be coefficients that grow with differences, or a hidden mass. [-]"""
@@ -186,6 +188,29 @@ def estimate(mixture: Mixture, level: float) -> IntervalEstimate:
     return IntervalEstimate(mixture.quantile(0.5), mixture.quantile(0.5 - level / 2.0), mixture.quantile(0.5 + level / 2.0))
 
 
+def _limit(slowest: str | float | None, span: float, where: str) -> float:
+    """Return the longest time constant that is thought possible. [s]
+
+    Raises
+    ------
+    RecordError   When it is far below the stretch of readings, or beyond all reason.
+    """
+    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
+    if limit < SHORTEST * span:
+        raise RecordError(
+            f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} of readings. Give the longest "
+            "time constant that the unit can have, with its unit.",
+            where,
+        )
+    if limit > LONGEST * span:
+        raise RecordError(
+            f"a slowest time constant of {short(limit, 3)} s is {short(limit / span, 3)} times the {duration_text(span)} of readings, "
+            f"above {LONGEST:.0e} times. Give the longest time constant that the unit can have, with its unit.",
+            where,
+        )
+    return limit
+
+
 @takes_objects
 def forecast(
     record: Record,
@@ -225,13 +250,7 @@ def forecast(
     inside, _ = stretch(record, since, until, f"{record.name}, forecast")
     times, kelvin = _readings(record, name, inside, level)
     span = float(times[-1] - times[0])
-    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
-    if limit < SHORTEST * span:
-        raise RecordError(
-            f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} of readings. Give the longest "
-            "time constant that the unit can have, with its unit.",
-            f"{record.name}, {name}, slowest",
-        )
+    limit = _limit(slowest, span, f"{record.name}, {name}, slowest")
     known = _of_model(model, scenario)
     room = None
     if reference:

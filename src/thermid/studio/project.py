@@ -168,8 +168,7 @@ class Project:
             raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name)
         calibration = fit(self._request(name), told)
         if calibration.converged:
-            ended = np.array(list(calibration.fitted.values()))
-            remember(self.results, name, self._keys[name], list(calibration.fitted), ended, self._made_of[name])
+            remember(self.results, name, self._keys[name], calibration.kept, self._made_of[name])
             calibration.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):

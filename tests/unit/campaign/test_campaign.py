@@ -18,8 +18,10 @@ from thermid.errors import IdentificationError, NameNotFoundError, StoppedError,
 from thermid.fit.problem.request import in_full, key_of
 from thermid.knowledge.values import load_values
 from thermid.model.laws.signal import TableSignal
+from thermid.reporting.pages.campaign import report
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
+from unit.interrupted import Still
 
 JOINT = "stack.contact_conductance"
 FIXED = 'as = "fixed"'
@@ -529,6 +531,26 @@ class TestCache:
         other[2500] = np.nextafter(values[2500], 40.0)
         texts = [json.dumps(TableSignal(np.arange(5000.0), v), default=in_full) for v in (values, other)]
         assert texts[0] != texts[1]
+
+    def test_what_a_kept_fit_says_of_its_search(self, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """The page and the summary of a campaign that is run twice are the same: what a fit took is kept with its end."""
+        joint = '["stack.contact_conductance"]'
+        project.write_text(project.read_text().replace(joint, f'{joint}\nsearch = "multistart"'))
+        one, first = self.runs(project, tmp_path / "r")
+        two, second = self.runs(project, tmp_path / "r")
+        assert (first, second) == (["box", "pair"], [])
+        assert all(one[n].evaluations > 3 for n in first)
+        assert one["pair"].search
+        for name in first:
+            assert (one[name].evaluations, one[name].search, one[name].warnings) == (
+                two[name].evaluations,
+                two[name].search,
+                two[name].warnings,
+            )
+            assert str(one[name]) == str(two[name])
+        monkeypatch.setattr("thermid.reporting.pages.tables.datetime", Still)
+        pages = [report(c, to=tmp_path / f"{k}" / "page.html").read_bytes() for k, c in enumerate((one, two))]
+        assert pages[0] == pages[1]
 
     @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"key": 1}', b"\xff\xfe\x00", b'{"key": "x", "fitted": 3}', b"null"])
     def test_a_damaged_file_is_as_good_as_none(self, project: Path, tmp_path: Path, damage: bytes) -> None:

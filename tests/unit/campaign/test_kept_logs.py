@@ -15,6 +15,7 @@ from thermid.campaign.cache import log_kept
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.schema import RecordTable
 from thermid.errors import RecordError
+from thermid.fit.minimisation import KeptFit
 from thermid.measure import Channel, Record, read_record
 
 LOG = "# a note\ntime_s,T_A,T_B,P\n" + "".join(f"{10 * k},{20 + k},{'' if k == 3 else 21 + k},{k % 2}\n" for k in range(12))
@@ -209,14 +210,26 @@ def test_the_digest_of_the_code_knows_every_source_and_the_kernel(monkeypatch: p
 
 
 def test_a_finished_stage_does_not_outlive_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cache.remember(tmp_path, "box", "key", ["htc"], np.array([1.5]))
-    assert cache.recall(tmp_path, "box", "key") == {"htc": 1.5}
+    end = KeptFit({"htc": 1.5}, 8, "two starts", ("one remark", "another"))
+    cache.remember(tmp_path, "box", "key", end)
+    assert cache.recall(tmp_path, "box", "key") == end
     monkeypatch.setattr(cache, "code_digest", lambda: "another")
     assert cache.recall(tmp_path, "box", "key") is None
 
 
-@pytest.mark.parametrize("damage", ['"fitted": {"htc": 1' + "0" * 400 + "}", '"fitted": ' + "[" * 100_000, '"fitted": {"htc": "x"}'])
-def test_a_damaged_fit_is_as_good_as_none(tmp_path: Path, damage: str) -> None:
-    """A whole number that no float holds, lists without an end, a text: the stage runs again."""
+@pytest.mark.parametrize(
+    "damage",
+    [
+        '"fitted": {"htc": 1' + "0" * 400 + "}",
+        '"fitted": ' + "[" * 100_000,
+        '"fitted": {"htc": "x"}',
+        '"fitted": {"htc": 1.5}, "evaluations": 1e400, "search": "", "remarks": []',
+        '"fitted": {"htc": 1.5}, "evaluations": 8, "search": "", "remarks": 3',
+        '"fitted": {"htc": 1.5}, "evaluations": 8, "search": ""',
+    ],
+)
+def test_a_damaged_fit_is_as_good_as_none(tmp_path: Path, damage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A whole number that no float holds, lists without an end, a text, no count: the stage runs again."""
+    monkeypatch.setattr(cache, "code_digest", lambda: "c")
     (tmp_path / "box.fit.json").write_text(f'{{"key": "key", "code": "c", "ingredients": {{}}, {damage}}}', encoding="utf-8")
     assert cache.recall(tmp_path, "box", "key") is None

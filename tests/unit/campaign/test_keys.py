@@ -6,12 +6,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from thermid.campaign.cache import changed_since, remember
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import keyed, request_of, run_stages
+from thermid.fit.minimisation import KeptFit
 from thermid.fit.problem import request as room
 from thermid.fit.problem.request import LocalSpec, Reading, Request, ingredients_of, key_for
 from thermid.knowledge.store import State, Store, ValueOrigin
@@ -130,7 +130,7 @@ def told(folder: Path, done: Any) -> dict[str, str]:
         known[stage.name] = request.key
         kept = folder / "kept" / f"{stage.name}.fit.json"
         if not kept.is_file():
-            remember(folder / "kept", stage.name, request.key, [], np.zeros(0), made)
+            remember(folder / "kept", stage.name, request.key, KeptFit({}, 1), made)
         out[stage.name] = ", ".join(changed_since(folder / "kept", stage.name, made))
     return {n: reason for n, reason in out.items() if reason}
 

@@ -97,6 +97,7 @@ OUTPUTS = {
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
     "swap": ["swap", "campaign.toml", "a", "cool.toml", "--results", "r", "--new-data", "logs", "--to"],
     "hold": ["hold", "hold.toml", "--to"],
+    "watch --capture": ["watch", "/dev/null", "--every", "1 [s]", "--capture"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
 READ = frozenset(
@@ -120,6 +121,8 @@ ENDINGS = {
 }
 FOLDERS = ("init", "example", "calibrate")
 """What writes a folder; aimed at a file it is refused."""
+PORTS = ("watch --capture",)
+"""What writes the lines of a serial port; `tests/unit/cli/test_watch.py` has one."""
 TWICE = (
     "simulate --csv",
     "simulate --netcdf",
@@ -187,7 +190,7 @@ def test_no_output_destroys_any_input_by_any_name(call: Call, bench: Path, outpu
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("output", [o for o in OUTPUTS if o not in FOLDERS])
+@pytest.mark.parametrize("output", [o for o in OUTPUTS if o not in FOLDERS and o not in PORTS])
 def test_every_one_of_these_commands_can_write(call: Call, bench: Path, output: str, tmp_path: Path) -> None:
     target = tmp_path / f"made{ENDINGS.get(output, '')}"
     if output.endswith("--pdf"):

@@ -128,12 +128,18 @@ def test_words_and_objects():
         ({"level": 1.5}, r"a level of 1\.5 is not possible\."),
         ({"rule": "3 C"}, "is not a rule of stability."),
         ({"slowest": "10 [s]"}, "far below the 119.8 min of readings. Give the longest"),
+        ({"slowest": "1e20 [h]"}, r"3.6e\+23 s is 5.01e\+19 times the 119.8 min of readings, above 1e\+06 times. Give the longest"),
+        ({"slowest": "1e7 [h]"}, r"above 1e\+06 times"),
         ({"reference": "AIRE"}, "no channel 'AIRE'"),
     ],
 )
 def test_mistakes_are_named(arguments, words):
     with pytest.raises(td.ThermidError, match=words):
         td.bench.forecast(log(), **arguments)
+
+
+def test_a_time_constant_far_longer_than_the_readings_is_taken():
+    assert td.bench.forecast(log(0.5), slowest="9000 [h]", within="10 [K]").final.error > 0.0
 
 
 def test_a_reading_in_the_past_and_a_record_of_several():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,20 @@ def test_a_forecast_is_given_where_it_can_be_and_declined_where_not(log: Path) -
     known = seen(follower.look({"file": "run.csv", "slowest": 0.5}), "T_CASE")["forecast"]
     assert known["final"] == pytest.approx(33.0, abs=0.2)
     assert known["low"] < 33.0 < known["high"]
+
+
+def test_a_forecast_with_a_time_constant_beyond_reason_takes_no_memory(log: Path) -> None:
+    """Request 5151 of `python scripts/torture.py --only hostile`: pairs of time constants up to 1e20 h took 91 MB."""
+    follower = Follower(log.parent)
+    follower.look({"file": "run.csv", "slowest": 0.5})
+    tracemalloc.start()
+    told = follower.look({"file": "run.csv", "slowest": 1e20})
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    declined = seen(told, "T_CASE")["forecast"]["declined"]
+    assert "a slowest time constant of 3.6e+23 s" in declined
+    assert "a slowest time constant of 3.6e+23 s" in told["watch"]["because"]
+    assert most < 10e6
 
 
 def test_nothing_is_read_again_before_it_has_grown(log: Path) -> None:
