@@ -72,8 +72,9 @@ noise are drawn anew): the lowest and the highest share of 95 % intervals that h
 White noise is 0.05 K; autocorrelated noise adds 0.1 K over 300 s; sensors in steps read with 0.02 K of noise before rounding, and "found"
 says nothing of noise and step; the noise of the ambient (0.5 K) and of the power (0.6 of 6 W) is never stated. Of {logs} intervals that
 hold with 95 %, {100 * low:.0f} to {100 * high:.0f} % do with a probability of 99 %; shares below the range of their count are bold.
-`next_test` promises the error of a refit with the same test made again; behind its shares stands the root mean square of the errors of
-refits, over the promise.
+`next_test` promises the error of a refit with the same test made again, with the same instruments in a room up to 1 K warmer or colder;
+behind its shares stands the root mean square of the errors of refits, over the promise. Where the room repeats to a fraction of a step,
+both logs round alike: errors are then 1.2 to 1.4 times the promise (100 logs a cell).
 `energy_balance` states whether a fitted model of the right structure closes. Made by
 `python scripts/noise_table.py --logs {logs}`.
 

@@ -37,6 +37,7 @@ MODEL = td.model_from_dict(DECK)
 RANGES = {"pads.resistance": (1.5, 3.0, "K/W"), "skin.effective_htc": (8.0, 14.0, "W/(m^2 K)"), "plate.capacitance": (80.0, 150.0, "J/K")}
 FREE = tuple(RANGES)
 SAME = "the same test again"
+SENSORS = ("plate", "cover")
 STEP, HOURS = 30.0, 3.0
 TIMES = np.arange(0.0, 3600.0 * HOURS + 1.0, STEP)
 
@@ -77,10 +78,14 @@ class Kind:
         # steps count from the ice point
         return ICE + step * np.round((read - ICE) / step) if step else read
 
-    def channel(self, name: str, node: str, truth: np.ndarray, rng: np.random.Generator) -> td.Channel:
-        """Return a thermometer on a node."""
+    def drawn_step(self, rng: np.random.Generator) -> float:
+        """Return the step of an instrument; zero for none. [K]"""
         low, high = self.step
-        step = float(np.exp(rng.uniform(np.log(low), np.log(high)))) if high else 0.0
+        return float(np.exp(rng.uniform(np.log(low), np.log(high)))) if high else 0.0
+
+    def channel(self, name: str, node: str, truth: np.ndarray, rng: np.random.Generator, step: float | None = None) -> td.Channel:
+        """Return a thermometer on a node, with a step [K] of its own where none is given."""
+        step = self.drawn_step(rng) if step is None else step
         said = {"noise": self.white} if self.stated else {}
         said |= {"resolution": step} if self.stated and step else {}
         return td.Channel.of(name, self.readings(truth, rng, step), role="node", target=node, **said)
@@ -137,8 +142,10 @@ class Bench:
             heater = np.where((times >= 600.0) & (times < 2100.0), 6.0, 0.0) + np.where(times >= 5400.0, 3.5, 0.0)
         return cls(truth, hidden, room, heater, times)
 
-    def record(self, kind: Kind, rng: np.random.Generator, name: str = "bench", powers: bool = True) -> td.Record:
-        """Return a log of both temperatures, the room and, if asked, the power."""
+    def record(
+        self, kind: Kind, rng: np.random.Generator, name: str = "bench", powers: bool = True, steps: Mapping[str, float] | None = None
+    ) -> td.Record:
+        """Return a log of both temperatures, the room and, if asked, the power; instruments with these steps [K], or with new ones."""
         given = td.Scenario(
             "truth",
             boundaries={"room": (self.times, self.room)},
@@ -147,7 +154,7 @@ class Bench:
             duration=float(self.times[-1]),
         )
         run = td.simulate(self.hidden, given, times=self.times)
-        channels = {n: kind.channel(n, n, run[n].kelvin, rng) for n in ("plate", "cover")}
+        channels = {n: kind.channel(n, n, run[n].kelvin, rng, (steps or {}).get(n)) for n in SENSORS}
         room = self.room + kind.room * rng.standard_normal(self.times.size)
         channels["room"] = td.Channel.of("room", room, role="boundary", target="room")
         if powers:
@@ -188,14 +195,19 @@ def by_posterior(kind: Kind, rng: np.random.Generator) -> Claims:
 
 
 def by_next_test(kind: Kind, rng: np.random.Generator) -> Claims:
-    """The error that `next_test` promises of the same test again, beside that of a refit of both logs."""
+    """The error that `next_test` promises of the same test again, beside that of a refit of both logs.
+
+    The instruments are the same, the room another: steps in a room that repeats to a fraction of a step round alike, and average nothing.
+    """
     bench = Bench.drawn(rng)
-    first = bench.record(kind, rng)
+    steps = {n: kind.drawn_step(rng) for n in SENSORS}
+    first = bench.record(kind, rng, steps=steps)
     fit = td.calibrate(MODEL, first, FREE)
     again = fit.experiments[0].scenario
     planned = [td.design.Action(SAME, again)]
     promised = {p: td.design.next_test(fit, p, actions=planned, every=STEP).best for p in FREE}
-    both = td.calibrate(MODEL, [first, bench.record(kind, rng, "again")], FREE)
+    later = replace(bench, room=bench.room + rng.uniform(-1.0, 1.0))
+    both = td.calibrate(MODEL, [first, later.record(kind, rng, "again", steps=steps)], FREE)
     units = {p: fit[p].value / fit[p].in_unit for p in FREE}
     return {p: scored((both[p].in_unit - bench.truth[p]) * units[p], promised[p].error) for p in FREE}
 
