@@ -53,9 +53,9 @@ class Run:
             while log.state.seconds < seconds + late:
                 assert time.monotonic() - begun < 120.0
                 log.step(0.05)
-                if left and log.state.seconds >= left[0][0] + late:
+                if left and board.seconds >= left[0][0] + late:  # not the logger's time, which may lie behind by what waits to be read
                     at, order = left.pop(0)
-                    late = log.state.seconds - at
+                    late = board.seconds - at
                     board.tell(order)
             log.close()
         return board
