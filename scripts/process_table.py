@@ -38,17 +38,18 @@ def section(found: Sequence[Fitted], samples: int) -> str:
 
 Synthetic logs of a house ({len(found)} logs of {samples} half-hourly readings of the indoor air): two masses, a wall driven by white
 noise, a heater switched at random, an outside that is logged. The four values, both noises and the start of each search are drawn about
-the house's by 30 %. Fitted are the four values, the noise of the wall and that of the readings, with `estimate`'s likelihood. Of a thousand intervals that hold
-with 95 %, {100 * SHARE[0]:.1f} to {100 * SHARE[1]:.1f} % do; shares outside are bold. z is the error in logarithms over its standard error.
-Made by `python scripts/process_table.py --cases {len(found)}`.
+the house's by 30 %. Fitted are the four values, the noise of the wall and that of the readings, with `estimate`'s likelihood. Of a
+thousand intervals that hold with 95 %, {100 * SHARE[0]:.1f} to {100 * SHARE[1]:.1f} % do; shares outside are bold. z is the error in
+logarithms over its standard error. Made by `python scripts/process_table.py --cases {len(found)}`.
 
 | value | inside | mean of z | deviation of z | median standard error |
 |---|---|---|---|---|
 {chr(10).join(rows)}
 
 Innovations are judged by Ljung's and Box's test over 20 lags at the fitted values: it fails for
-{fails}. Searches that did not converge: {sum(not f.converged for f in found)}. Filter and smoother agree with one dense normal
-distribution of all states and readings to 1e-9 (`tests/unit/estimation/test_filter.py`).
+{fails}.
+Searches that did not converge: {sum(not f.converged for f in found)}. Filter and smoother agree with one dense normal distribution of
+all states and readings to 1e-9 (`tests/unit/estimation/test_filter.py`).
 {END}"""
 
 
