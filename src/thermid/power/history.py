@@ -822,9 +822,10 @@ def _margin(
     H the information on all else: the inverse of their covariance where the parameters are known.
     """
     out = np.zeros(x.size)
-    others = np.setdiff1d(np.arange(x.size), theta)
-    across = covariance[np.ix_(others, theta)]
-    inverse = covariance[np.ix_(others, others)] - across @ np.linalg.solve(covariance[np.ix_(theta, theta)], across.T)
+    known = np.array(theta, dtype=np.int64)
+    others = np.setdiff1d(np.arange(x.size), known)
+    across = covariance[np.ix_(others, known)]
+    inverse = covariance[np.ix_(others, others)] - across @ np.linalg.solve(covariance[np.ix_(known, known)], across.T)
     here = slopes[:, others].T @ slopes[:, others]
     for k in theta:
         moved = x.copy()
