@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "coverage.md"
 BEGIN, END = "<!-- noise: begin -->", "<!-- noise: end -->"
 SEED = 20261122
-DEAR = {"profile": 4, "posterior": 25, "next_test": 4, "power_history": 16, "power_history, coarse knots": 16, "clock": 20}
+DEAR = {"profile": 2, "posterior": 5, "next_test": 2, "power_history": 5, "power_history, coarse knots": 5, "clock": 5}
 """Consumers that take so many times as long, and get so many times fewer logs."""
 
 
