@@ -174,7 +174,7 @@ class Verdict(Result):
         for c in self.checks:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
         if self.bands is not None:
-            lines += [*(f"  {line}" for line in self.bands.lines), *(f"  warning: {words}" for words in self.bands.guessed)]
+            lines += [*(f"  {line}" for line in self.bands.lines), *(f"  warning: {words}" for words in self.bands.warnings)]
         return "\n".join(lines)
 
     _frame_of_rows = True
