@@ -21,10 +21,9 @@ from thermid.fit.problem.residuals import SensorTrace
 from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
 from thermid.judge.metrics import largest, metric
-from thermid.judge.verdict import Verdict
+from thermid.judge.verdict import Verdict, second_opinions
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
-from thermid.prediction.conformal import second_opinion
 from thermid.reporting.blocks.content import DASH, Cell, Graphic, Head, Line, Table, duration, number, plain, pretty, significant, tall
 from thermid.reporting.blocks.extras import check_page, tables_folder, write_page
 from thermid.reporting.blocks.numbering import Sheets, check_audience
@@ -260,10 +259,7 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
             worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
             rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
     remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
-    for name in dict.fromkeys(model for model, _ in judged):
-        opinion = second_opinion([run for (model, _), run in judged.items() if model == name])
-        remarks += [f"{name}: {opinion}"] if opinion is not None else []
-    return Table.of(columns, rows), remarks
+    return Table.of(columns, rows), [*remarks, *(f"{model}: {opinion}" for model, opinion in second_opinions(campaign.verdicts).items())]
 
 
 def _dots(campaign: Campaign) -> list[Dots]:
