@@ -53,6 +53,7 @@ from thermid.fit.problem.request import LocalSpec
 from thermid.model.laws.signal import literal
 from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
+from thermid.prediction.conformal import second_opinion
 from thermid.prediction.records import predict_record
 from thermid.reporting.blocks.extras import tables_folder
 from thermid.reporting.blocks.numbering import check_audience
@@ -322,7 +323,14 @@ def _predict_records(
         lines.append(
             f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
         )
-    say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines), verbose)
+    fresh = [t for t in scores if t.record not in fit.records]
+    opinion = second_opinion(fresh)
+    if len(fresh) < len(scores):
+        lines.append(f"fitted by the stage itself: {', '.join(t.record for t in scores if t.record in fit.records)}")
+    if opinion is not None:
+        lines.append(str(opinion))
+    said = {"records": [t.to_dict() for t in scores], "second_opinion": opinion.to_dict() if opinion is not None else None}
+    say(as_json, {"stage": name, **said}, "\n".join(lines), verbose)
     leave(fit.standing)
 
 
