@@ -12,7 +12,6 @@ from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.reporting.pages.views import clean
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.watch.growing import thinned
 from thermid.watch.stopping import Stopping
 from thermid.watch.watcher import Watcher
 
@@ -61,8 +60,7 @@ class LiveWatch:
             if self._watcher is None or of != self._of or record.times[-1] < self._at:
                 self._watcher, self._of = self._made(record, rule, slowest, asked), of
             self._at = float(record.times[-1])
-            bound = record if self._watcher.model is not None else thinned(record)
-            look = self._watcher.look(bound)
+            look = self._watcher.look(record)
         except ThermidError as error:
             self._watcher = None
             return {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": [], "model": ""}

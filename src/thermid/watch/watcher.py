@@ -29,7 +29,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Traces
-from thermid.watch.growing import thinned
+from thermid.watch.growing import blocked, latest
 from thermid.watch.live_fit import STORED, TRUST, unknowns_of
 from thermid.watch.stopping import StopAdvice, Stopping
 from thermid.watch.suspects import UNSAID, SuspectValue, suspects_of
@@ -142,6 +142,8 @@ FITTED: Final = (
 """What a fit to the readings takes as given."""
 STRANGE: Final = 4.0
 """Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
+MORE: Final = 0.5
+"""By how much such a mean must exceed that of the last closer look, where that found no cause, before the next one."""
 CONFIRMED: Final = 90.0
 """How long what the model's suspects explain must last before it is named: a sensor that jumps looks like anything at first. [s]"""
 
@@ -240,9 +242,9 @@ class _Filter:
         self.time, self.belief = now, window.beliefs[-1]
 
     @property
-    def strange(self) -> bool:
-        """Whether a mean of neighbouring innovations is far from zero, so that a closer look may find a cause."""
-        return any(_largest_mean(standard) > STRANGE for _, standard in self.errors.values())
+    def largest(self) -> float:
+        """The largest mean of neighbouring innovations in units of its own standard deviation. [-]"""
+        return max((_largest_mean(standard) for _, standard in self.errors.values()), default=0.0)
 
 
 def _largest_mean(standard: Array) -> float:
@@ -273,6 +275,7 @@ class Watcher:
     _filter: _Filter | None = field(default=None, init=False, repr=False)
     _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
     _since: float | None = field(default=None, init=False, repr=False)
+    _cleared: float = field(default=0.0, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
     def look(self, record: Record) -> WatchLook:
@@ -282,17 +285,17 @@ class Watcher:
         ----------
         record : Record     The log from when conditions last changed, its channels bound to the model's nodes.
         """
-        off = sensor_alarms(record, self.channels)
+        recent, kept = latest(record), blocked(record)
+        off = sensor_alarms(recent, self.channels)
         broken = {a.suspect for a in off}
-        kept = thinned(record)
         names = tuple(n for n in self.channels if n not in broken)
-        fitted = self.stopping.due(record) and self._fitted(kept, names)
+        fitted = self.stopping.due(kept) and self._fitted(kept, names)
         nodes, found = self._filtered(kept, names, fitted) if self.model is not None and names else ((), [])
-        for a in (*off, *self._lasting(found, record, names)):
+        for a in (*off, *self._lasting(found, recent, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
         doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
-        settles = self._settles(record) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
+        settles = self._settles(kept) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
         advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
         return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
 
@@ -342,13 +345,18 @@ class Watcher:
     def _filtered(self, record: Record, names: Sequence[str], fitted: bool) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
         """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
         f = self._passed(record, names)
-        if f.strange and not fitted and self._fitted(record, names):
+        self._cleared = min(self._cleared, f.largest)
+        if f.largest <= max(STRANGE, self._cleared + MORE):
+            return self._nodes, []
+        if not fitted and self._fitted(record, names):
             f = self._passed(record, names)
         settling = self.stopping.settling
-        if not f.strange or (settling is not None and not settling.values):
-            return self._nodes, []
-        begin, belief = f.stands[0]
-        return self._nodes, self._window(self._of(record, names).trim(begin, "end"), belief).alarms()
+        found = []
+        if f.largest > STRANGE and (settling is None or settling.values):
+            begin, belief = f.stands[0]
+            found = self._window(self._of(record, names).trim(begin, "end"), belief).alarms()
+        self._cleared = 0.0 if found else f.largest
+        return self._nodes, found
 
     def _passed(self, record: Record, names: Sequence[str]) -> _Filter:
         """Return the filter after the readings that are new to it."""
