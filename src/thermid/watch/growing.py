@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.files import COPY, scratch, write_bytes
 from thermid.linear_algebra import Array, Bools
-from thermid.measure.record.channel import Channel, step_of, usual_step
+from thermid.measure.record.channel import Channel, found_noise, step_of, usual_step
 from thermid.measure.record.record import Record
 
 Places = NDArray[np.intp]
@@ -33,12 +33,16 @@ MIDDLE: Final = 60.0
 """What is averaged where a longer stretch is not complete. [s]"""
 BLOCK: Final = 2.0
 """Readings closer than this are averaged for fit and filter; a node that is ten times as slow moves by 0.04 % less than its mean. [s]"""
+SHARE: Final = 1000.0
+"""Part of a short log over which its readings are averaged at most."""
 FINE: Final = 250.0
 """Rows in which the time since the beginning grows by e."""
 MOST: Final = 6000
 """Rows of averages at most, beyond which powers are averaged too."""
 SWITCHED: Final = 8.0
 """Usual changes between neighbours from which a power counts as switched."""
+LEAST: Final = 0.05
+"""Noise of a reading at least, where nobody stated it. [K]"""
 CHUNK: Final = 1 << 18
 """Bytes that are read at once."""
 ENOUGH: Final = 20
@@ -59,13 +63,14 @@ def switches(record: Record) -> Bools:
     return out
 
 
-def thinned(record: Record, raw: float = RAW) -> Record:
+def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
     """Return a record with readings averaged, as the module says; the record itself where nothing is.
 
     Parameters
     ----------
     record : Record
     raw : float         How far back readings stay as they are [s]; at least `KEPT` of them do, unless it is zero.
+    block : float       Over how long recent readings are averaged at least. [s]
     """
     since = record.times - record.times[0]
     step = _raw_step(record)
@@ -73,9 +78,9 @@ def thinned(record: Record, raw: float = RAW) -> Record:
     last = np.maximum.accumulate(np.where(switched, np.arange(since.size), 0))
     alone = switched | np.concatenate([[True], switched[:-1]])
     alone[: min(2, since.size)] = True  # a record begins where it began
-    begins = _begins(since, since - since[last], alone, step, raw)
+    begins = _begins(since, since - since[last], alone, step, raw, block)
     if begins.size > MOST + max(raw / max(step, 1e-9), KEPT if raw else 0.0):
-        begins = _begins(since, since, np.arange(since.size) < 2, step, raw)
+        begins = _begins(since, since, np.arange(since.size) < 2, step, raw, block)
     if begins.size == since.size:
         return record
     count = np.diff(begins, append=since.size)
@@ -88,11 +93,11 @@ def _raw_step(record: Record) -> float:
     return usual_step(record.times[-KEPT:])
 
 
-def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float) -> Places:
+def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
     """Return the samples that begin a stretch, of times since the beginning and since a power changed [s]; each stretch is complete."""
     age, every = since[-1] - since, np.arange(since.size)
     wide = np.floor(FINE * np.log1p(changed / (FINE * max(step, BLOCK))))
-    middle, short = (np.floor(since / size + 1e-9) if step < size else every for size in (MIDDLE, BLOCK))
+    middle, short = (_stretches(since, size, step) for size in (MIDDLE, max(block, _block(float(since[-1])))))
     out, done = [], 0
     for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, KEPT * step) if raw else -1.0)):
         firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
@@ -103,29 +108,48 @@ def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float)
     return np.concatenate([*out, every[done:]])
 
 
+def _stretches(since: Array, size: float, step: float) -> Array:
+    """Return the number of the stretch of a length [s] that every sample lies in; each its own where readings come no faster."""
+    return np.floor(since / size + 1e-9) if step < size else np.arange(since.size, dtype=float)
+
+
+def _block(duration: float) -> float:
+    """Return over how long readings of a log of a length are averaged, halved while the log is short. [s]"""
+    return float(BLOCK * 2.0 ** min(0.0, np.floor(np.log2(max(duration, 1e-9) / (SHARE * BLOCK)))))
+
+
 def _aligned(firsts: Places, place: int) -> int:
     """Return the begin of the stretch that holds a sample."""
     return int(firsts[np.searchsorted(firsts, place, side="right") - 1])
 
 
-def blocked(record: Record) -> Record:
-    """Return a record as fit and filter take it: no stretch shorter than `BLOCK`, each complete, with the noise of a mean."""
-    step = _raw_step(record)
-    if step >= BLOCK:
-        return thinned(record, 0.0)
-    ends = record.times - record.times[0]
-    complete = ends[-1] % BLOCK >= BLOCK - 1.5 * step
-    kept = thinned(record if complete else part(record, 0, int(np.searchsorted(ends, BLOCK * (ends[-1] // BLOCK) - 1e-9))), 0.0)
-    many = BLOCK / step
-    return replace(kept, channels={c.name: replace(c, noise=_noise_of_mean(record.channel(c.name), many)) for c in kept.channels.values()})
+def blocked(record: Record, least: float = 0.0) -> Record:
+    """Return a record as fit and filter take it: no stretch shorter than `least` [s], each complete, with the noise of a mean."""
+    step, ends = _raw_step(record), record.times - record.times[0]
+    block = max(_block(float(ends[-1])), least)
+    complete = step >= block or ends[-1] % block >= block - 1.5 * step
+    kept = thinned(record if complete else part(record, 0, int(np.searchsorted(ends, block * (ends[-1] // block) - 1e-9))), 0.0, block)
+    read = {
+        n: noise_of(record, n) for n, c in record.channels.items() if c.role == "node" or (c.role == "auto" and c.quantity == "temperature")
+    }
+    many = max(block / max(step, 1e-9), 1.0)
+    return kept.with_channels(*(replace(kept.channel(n), noise=_of_mean(record.channel(n), noise, many)) for n, noise in read.items()))
 
 
-def _noise_of_mean(channel: Channel, many: float) -> float | None:
-    """Return the noise of a mean of readings: of white noise less, of rounding and of correlated noise not. [K]"""
-    if channel.noise is None or (channel.part is not None and channel.part.correlation_time):
+def noise_of(record: Record, name: str) -> float:
+    """Return the noise of a reading: as stated, or what the latest readings show, at least `LEAST`. [K]"""
+    channel = record.channel(name)
+    if channel.noise:
         return channel.noise
+    return max(found_noise(part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)), LEAST)
+
+
+def _of_mean(channel: Channel, noise: float, many: float) -> float:
+    """Return the noise of a mean of readings: of white noise less, of rounding and of correlated noise not. [K]"""
+    if many == 1.0 or (channel.part is not None and channel.part.correlation_time):
+        return noise
     rounding = step_of(part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)) / 12.0**0.5
-    return float(np.hypot(channel.noise / many**0.5, rounding if rounding > channel.noise else 0.0))
+    return float(np.hypot(noise / many**0.5, rounding if rounding > noise else 0.0))
 
 
 def part_of(channel: Channel, begin: int, end: int) -> Channel:
