@@ -217,7 +217,9 @@ def swap(
 
     The plan lists what is assumed. With --new-data, only the stages that are due are fitted.
     """
-    if to is not None and new_data is not None:
+    if to is not None and new_data is None:
+        raise ScenarioError("without a retune there are no values to write. Give the folder of the repeated tests: --new-data.", "--to")
+    if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
     plan = plan_retune(staged(campaign, data, results, accept), part, deck)
     content: dict[str, Any] = {"plan": retune_object(plan)}
