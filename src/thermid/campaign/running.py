@@ -67,7 +67,7 @@ class RunningTest:
         """What a reader must know of it."""
         steps = [next(iter(step)) for step in self.table.prepare]
         left = (f"preparation of the record ({', '.join(steps)}) is left out, because the log still grows",) if steps else ()
-        return (*left, *(f"temperature of {b}: the first reading of {c}, unless told otherwise" for b, (c, _) in self.first.items()))
+        return (*left, *(f"temperature of {b}: the first reading of {c}, unless --boundary gives it" for b, (c, _) in self.first.items()))
 
 
 def running_test(made: Campaign, record: str = "", stage: str = "") -> RunningTest:

@@ -39,7 +39,7 @@ from thermid.model.laws.signal import literal
 from thermid.reporting.pages.views import clean
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE
-from thermid.watch.columns import LogColumns
+from thermid.watch.columns import BoundColumns
 from thermid.watch.growing import GrowingLog, played
 from thermid.watch.stopping import Stopping, TemperatureLimit
 from thermid.watch.watcher import Watcher, WatchLook
@@ -50,15 +50,23 @@ if TYPE_CHECKING:
 PORT: Final = "a serial port that is watched"
 
 
+Channels = Annotated[
+    list[str],
+    typer.Option("--channel", help="Column, or COLUMN=NODE, BOUNDARY or LOAD of the deck; by default what has a name of the deck's."),
+]
+FullScale = Annotated[list[str], typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")]
+LogPath = Annotated[
+    Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
+]
+LikeCampaign = Annotated[
+    Path | None, typer.Option("--campaign", help="A campaign: its record has the meaning of the columns, its stage the model.")
+]
+
+
 def watch(
-    log: Annotated[
-        Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
-    ],
-    channel: Annotated[
-        list[str],
-        typer.Option("--channel", help="Column, or COLUMN=NODE, BOUNDARY or LOAD of the deck; by default what has a name of the deck's."),
-    ] = [],  # noqa: B006
-    full_scale: Annotated[list[str], typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")] = [],  # noqa: B006
+    log: LogPath,
+    channel: Channels = [],  # noqa: B006
+    full_scale: FullScale = [],  # noqa: B006
     time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
     separator: Annotated[str | None, typer.Option("--separator", help="Separator of the columns, where it cannot be told.")] = None,
     decimal: Annotated[str | None, typer.Option("--decimal", help="Decimal sign, where the file has both.")] = None,
@@ -72,9 +80,7 @@ def watch(
     model: Annotated[Path | None, typer.Option("--model", help="Deck of the unit: nodes without sensors, faults with suspects.")] = None,
     values: ValuesPath = None,
     keep: KeepValues = False,
-    campaign: Annotated[
-        Path | None, typer.Option("--campaign", help="A campaign: its record says what columns are, its stage is the model.")
-    ] = None,
+    campaign: LikeCampaign = None,
     record: Annotated[str, typer.Option("--record", help="The record of the campaign that the log is like.")] = "",
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
@@ -99,40 +105,40 @@ def watch(
         raise RecordError(f"the time between looks is above zero, not '{every}'.", "--every")
     if capture is not None and not _is_port(log):
         raise RecordError(f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture")
-    stated = None if noise is None else with_unit(noise, "K")
+    by_hand = model is not None or values is not None or bool(channel or full_scale)
+    if by_hand if campaign is not None else bool(record or stage):
+        raise RecordError(
+            "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
+            "command line",
+        )
     given = bool(boundary or load or scenario is not None or start is not None)
     said = scenario_of(scenario, boundary, load, start, None) if given else None
+    stated = None if noise is None else with_unit(noise, "K")
     read = {"time": time, "separator": separator, "decimal": decimal, "clock": date}
-    test = None
-    if campaign is None:
-        if record or stage:
-            raise RecordError("--record and --stage belong to a campaign. Give it with --campaign.", "command line")
+    test = None if campaign is None else running_test(staged(campaign, data, results), record, stage)
+    if test is None:
         deck = None if model is None else fitted_model(model, values, keep)
-        columns = LogColumns(_told(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
+        columns = BoundColumns(_told(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
     else:
-        if model is not None or values is not None or channel or full_scale:
-            raise RecordError(
-                "a campaign has the model and says what columns are. Leave --model, --values and --channel out.", "--campaign"
-            )
-        test = running_test(staged(campaign, data, results), record, stage)
-        told = {k: v for k, v in read.items() if v is not None}
-        columns = LogColumns(
-            noise=stated, model=test.model, options={**test.options, **told}, tables=dict(test.table.channels), bound=test.bound
-        )
-        columns.remarks = test.remarks
+        columns = _columns_of(test, stated, read)
     made = _Made(rule, within, limit, slowest, said, required, columns, test)
     with ExitStack() as open_:
         line = open_.enter_context(extension(PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
-
-        def read_piece(piece: Path) -> Record:
-            return columns.read(piece, path.stem)
-
         if replay or once:
-            look = _looks(_replayed(read_piece(path).trim(with_unit(since, "s"), "end"), step, once), made, as_json)
+            records = _replayed(columns.read(path, path.stem).trim(with_unit(since, "s"), "end"), step, once)
         else:
-            look = _looks(_growing(GrowingLog(path, read_piece), step, since, line), made, as_json)
+            records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
+        look = _looks(records, made, as_json)
     raise SystemExit(4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
+
+
+def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None]) -> BoundColumns:
+    """Return the columns of a log that is like a record of a campaign."""
+    options = test.options | {k: v for k, v in read.items() if v is not None}
+    columns = BoundColumns(noise=noise, model=test.model, options=options, tables=dict(test.table.channels), bound=test.bound)
+    columns.remarks = test.remarks
+    return columns
 
 
 def _told(channel: list[str]) -> dict[str, str]:
@@ -195,7 +201,7 @@ class _Made:
     slowest: str | None
     said: Scenario | None
     required: bool
-    columns: LogColumns
+    columns: BoundColumns
     test: RunningTest | None
 
     def watcher(self, record: Record) -> Watcher:

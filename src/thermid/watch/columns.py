@@ -26,7 +26,7 @@ def roles_in(network: Network) -> dict[str, str]:
 
 
 @dataclass
-class LogColumns:
+class BoundColumns:
     """Reads a log, or a piece of one; which columns it takes is settled by the first piece.
 
     Parameters
@@ -74,9 +74,7 @@ class LogColumns:
         canonical = network.flat.names.model.canonical
         if self.told:
             for target in self.told.values():
-                refuse_unknown(
-                    [canonical(target)], roles, "--channel", f"'{{}}' is no node, boundary or load of {model.title}.", RecordError
-                )
+                refuse_unknown([canonical(target)], roles, "--channel", f"{model.title} has no node, boundary or load '{{}}'.", RecordError)
             return {n: self._table(n, roles[canonical(t)], t) for n, t in self.told.items()}
         header = [name_and_unit(cell)[0] for cell in log_cells(path).header]
         found = {n: roles[canonical(n)] for n in header if canonical(n) in roles}

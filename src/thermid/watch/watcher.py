@@ -209,7 +209,8 @@ class WatchLook:
         lines.append(f"after {duration_text(self.at)}: {word}: {self.advice.because}")
         for f in self.advice.ends.values():
             end = "declined" if f.declined else f"ends at {f.final}"
-            left = "" if f.holds is None else f"; rule '{f.rule.name}' in {duration_text(max(f.holds - self.at, 0.0))}"
+            ahead = 0.0 if f.holds is None else f.holds - self.at
+            left = "" if f.holds is None else f"; rule '{f.rule.name}' {f'in {duration_text(ahead)}' if ahead > 0.0 else 'met'}"
             made = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
             lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}{made}")
         for n in self.nodes:
