@@ -470,17 +470,32 @@ def power_history(
         raise _undetermined(free, where) from None
     if step > WIDER * usual:
         finer = _knots(record, usual, known, accuracy, where)
-        try:
-            closer = on(*finer)
-        except (np.linalg.LinAlgError, ThermidError):  # wide knots may say what narrow ones leave open
-            closer = None
-        more = closer is not None and _leaves_more(problem, found, *closer[1:])
-        if closer is not None and (found.remarks or more):
-            left = "autocorrelated residuals" if found.remarks else "residuals beyond the noise"
+        narrow = _tried(on, *finer)
+        left = _left_by_wide_knots(problem, found, narrow)
+        if narrow is not None and left:
+            (knots, pins), (asked, problem, found) = finer, narrow
             words = f"knots every {duration_text(step)} left {left}, so the history has knots every {duration_text(usual)}."
-            (knots, pins), (asked, problem, found) = finer, closer
             found = replace(found, remarks=(words, *found.remarks))
     return _history(asked, problem, path, knots, pins, found)
+
+
+def _tried(
+    on: Callable[[Array, Pins], tuple[Request, Problem, Solved]], knots: Array, pins: Pins
+) -> tuple[Request, Problem, Solved] | None:
+    """Return what narrow knots give; None where they leave open what wide ones say."""
+    try:
+        return on(knots, pins)
+    except (np.linalg.LinAlgError, ThermidError):
+        return None
+
+
+def _left_by_wide_knots(problem: Problem, found: Solved, narrow: tuple[Request, Problem, Solved] | None) -> str:
+    """Return what wide knots left of the readings that they should not, in words; empty where nothing."""
+    if narrow is None:
+        return ""
+    if found.remarks:
+        return "autocorrelated residuals"
+    return "residuals beyond the noise" if _leaves_more(problem, found, *narrow[1:]) else ""
 
 
 def _leaves_more(problem: Problem, found: Solved, closer: Problem, finest: Solved) -> bool:
