@@ -325,6 +325,8 @@ OWN = 0.5
 """Share of what is known of a direction from which a trace is held to decide it alone."""
 PART, SEEN = 0.02, 1e-9
 """Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
+EXPLAINED = 0.05
+"""Part of the squares of a trace's residuals from which what noise of inputs makes of it is told apart by whitening."""
 ROUNDED = 2.0
 """What wanders by no more than so many times the variance of rounding is rounding."""
 FEWEST = 12
@@ -423,6 +425,7 @@ def autocorrelation_of_traces(
             squares = found.chi_square
         freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(own[k].left.size for k in calm if k not in still)
         squares += sum(float(own[k].left @ own[k].left) for k in calm if k not in still)
+        squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in still if k in inputs)
         variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
     return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
@@ -522,7 +525,7 @@ class _Calm:
     weights : array (stretches, stretches)  That makes the means of stretches independent and of size 1.
     decided, free : array (stretches, directions)   What this trace alone decides, and all that it does not.
     left : array (directions,)              Its residuals in the latter.
-    noisy : bool                            Whether inputs have noise.
+    noisy : bool                            Whether noise of inputs is a part of the residuals worth telling apart.
     """
 
     weights: Array
@@ -540,7 +543,8 @@ class _Calm:
             moved = root[:, None] * inputs
             sizes, vectors = np.linalg.eigh(np.eye(root.size) + moved @ moved.T)
             weights = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
-            plain = root[:, None] * b.slopes @ known
+            if float(np.sum(moved**2)) > EXPLAINED * b.squares:
+                plain = root[:, None] * b.slopes @ known
         decided, free = _beside(weights @ b.slopes @ known, plain)
         return cls(weights, decided, free, free.T @ (weights @ b.mean), plain is not None)
 
