@@ -117,6 +117,14 @@ class Dynamics:
                 "bind it to the load.",
                 where,
             )
+        flat = self.wiring.network.flat
+        for name in self.wiring.network.controls:
+            if flat.controls[name].has_history:
+                raise IdentificationError(
+                    f"the state of the control '{name}' depends on its history, which a filter does not have. Log the power or the state "
+                    "that it sets, and bind it; or use a table or a proportional control.",
+                    where,
+                )
         if self.wiring.network.stores:
             node = next(iter(self.wiring.network.stores))
             raise IdentificationError(
