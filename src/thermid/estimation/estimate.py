@@ -121,7 +121,7 @@ def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str
     levels = tuple(
         f"what is added to {p.target} is unknown at the start to +- {WIDE:g} K, and stays constant in output error"
         for p in still
-        if p.target not in starts
+        if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
     )
     return _compared(request, found[PROCESS], found[OUTPUT], ahead, (levels, starts, differing(problem)))
 
@@ -244,7 +244,7 @@ def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tu
     for k, u in enumerate(process.likelihood.unknowns):
         low, high = u.fitted_bounds()
         end = process.maximum.fitted[k]
-        if u.name.startswith("noise of") and (end - low < 3.0 or UNSEEN < errors[k] < np.inf):
+        if u.name.startswith("noise of") and (end - low < 3.0 or UNSEEN < errors[k] / process.widened < np.inf):
             out.append(f"'{u.name}' went to zero, so the logs show no such noise. Remove it")
         elif np.isfinite(low + high) and min(end - low, high - end) < 1e-4:
             out.append(f"'{u.name}' ended at a bound, so its error is not meaningful. Widen the bound")

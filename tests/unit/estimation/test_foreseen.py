@@ -119,6 +119,26 @@ def test_a_walk_that_is_not_there_takes_no_likelihood() -> None:
     assert one_value(quiet, {"out": "1e-3 [K/s^0.5]"}, out="1 [K]").assumed == ()
 
 
+def test_a_boundary_that_is_looked_for_walks_from_there() -> None:
+    """Its level has a prior of its own; a second one of 10 K beside it would undo that."""
+    case = drawn(replace(TRUTH, sigma_w=1e-9), 4, 60, noise_known=True)
+    bare = case.record.select("indoor")
+    scenario = case.scenario.with_(boundaries={"out": "15 [degC]"})
+    done = td.inference.estimate(
+        house(case.truth.values),
+        bare,
+        ["Ro"],
+        process_noise={"out": "1e-3 [K/s^0.5]"},
+        scenario=scenario,
+        local={"out": {"start": "15 [degC]", "sd": "0.2 [K]"}},
+    )
+    assert done.assumed == ()
+    dynamics = done.process.likelihood.dynamics[0]
+    assert dynamics.level_sd(done.process.likelihood.noises[0]) == 0.0
+    added, sd = done.states()["added to out"]
+    assert (added[0], sd[0]) == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
+
+
 def test_noise_stated_too_small_widens_errors() -> None:
     """Readings scatter five times as much as stated: the error is that of the noise that is there."""
     case = drawn(replace(TRUTH, sigma_w=1e-9, sigma_v=0.1), 6, 120)
