@@ -16,6 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
+from thermid.fit.doubts import with_doubts
 from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
@@ -710,7 +711,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
-    return with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    return with_doubts(with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept)))
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:
