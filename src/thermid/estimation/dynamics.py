@@ -92,6 +92,7 @@ class Dynamics:
         self.nodes = self.engine.nodes
         added = [p for p in self.noises if p.has_state]
         self.states = (*(self.nodes[k] for k in self.massive), *(p.state for p in added))
+        self.units = (*("degC" for _ in self.massive), *("K" if p.place == "boundary" else "W" for p in added))
         self.size = len(self.states)
         self._added = {p.target: self.massive.size + k for k, p in enumerate(added)}
         self.linear = self._is_linear()

@@ -510,7 +510,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
                 "the prior, and the model."
             )
     out += _strained(problem, found)
-    out += _differing(problem)
+    out += differing(problem)
     out += _taken_as_instants(problem)
     freedom = round(problem.freedom)
     reduced = found.chi_square / max(freedom, 1)
@@ -560,7 +560,7 @@ def _taken_as_instants(problem: Problem) -> list[str]:
     ]
 
 
-def _differing(problem: Problem) -> list[str]:
+def differing(problem: Problem) -> list[str]:
     """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy."""
     out = []
     for e in problem.experiments:
