@@ -165,7 +165,12 @@ def campaign(seeds: range, steps: tuple[str, ...] = tuple(STEPS), matched: bool 
     out = {step: Masses() for step in steps}
     for seed in seeds:
         bench = drawn(seed, matched=matched)
-        first = td.calibrate(bench.model, bench.record, list(bench.free))
+        try:
+            first = td.calibrate(bench.model, bench.record, list(bench.free))
+        except ThermidError as refusal:
+            for step in steps:
+                out[step].refused.append(str(refusal))
+            continue
         for step in steps:
             try:
                 found = STEPS[step](first)

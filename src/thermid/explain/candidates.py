@@ -13,13 +13,13 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
+from thermid.fit.doubts import SETTLING_PACES
 from thermid.fit.problem.experiment import MEASURED, Experiment, first_reading
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
 from thermid.linear_algebra import Array
 from thermid.measure.amounts import short
 from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.parts.elements import Conductor, HeatLoad, Node
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
@@ -53,8 +53,6 @@ ROOM = 293.15
 """Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
 SETTLES = 0.5
 """Most that a power may have more when it comes on, as a share of its step. [-]"""
-SETTLING = (0.01, 0.03, 0.1, 0.3, 1.0)
-"""Time constants at which a power that settles is tried, in parts of the time from its first step to the end of the record. [-]"""
 SLOWER = 10.0
 """Samples that a power takes to settle, at least. [-]"""
 TIP = 0.1
@@ -734,7 +732,7 @@ def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
     name = _free_name(seen.request, f"{_word(place.load)}_settling")
     rest = min(float(e.scenario.seconds) for e in seen.experiments) - begin
     slow = SLOWER * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
-    for share in (s for s in SETTLING if s * rest >= slow):
+    for share in (s for s in SETTLING_PACES if s * rest >= slow):
         course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
 
         def make(request: Request, course: PowerCourse = course) -> Request:
@@ -812,12 +810,11 @@ def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
     given, scale = e.scenario.loads.get(load), 1.0
     if load in e.scenario.commands:
         given, scale = e.scenario.commands[load], power
-    if isinstance(given, TableSignal):
-        high = scale * float(np.max(given.values))
-        on = np.flatnonzero(scale * given.values > 0.5 * high)
-        return (max(float(given.times[on[0]]), 0.0), high) if high > 0.0 else None
-    power = scale * float(given.value) if isinstance(given, Constant) else power
-    return (0.0, power) if power > 0.0 else None
+    if given is None:
+        return (0.0, power) if power > 0.0 else None
+    watts = scale * np.asarray(given.at(e.times))
+    high = float(watts.max())
+    return (float(e.times[np.argmax(watts > 0.5 * high)]), high) if high > 0.0 else None
 
 
 def _growing(seen: Fitted, place: _Place) -> MissingElement:

@@ -46,6 +46,8 @@ from thermid.units import NAMES, counted, unit
 NOISES, OF_RANGE = 3.0, 0.02
 """What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
 autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
+SURE = 3.0
+"""Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 REFUTED = 1e-3
 """Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
@@ -711,7 +713,16 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
-    return with_doubts(with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept)))
+    made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    return with_doubts(made) if request.doubts or _suspect(made, spread) else made
+
+
+def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
+    """Whether the residuals of a fit may refute its structure: larger than the stated noise allows, and some of them wander."""
+    if fit.problem is None or any(o.noise is None for o in fit.problem.observations()):
+        return False
+    slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
+    return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:

@@ -24,7 +24,7 @@ from thermid.errors import ThermidError
 from thermid.fit.calibration import FIRST, Calibration
 from thermid.fit.discrepancy import FREE_AIR, SMALL
 from thermid.fit.problem.experiment import Experiment
-from thermid.fit.problem.residuals import Influence, Problem, Unknown, wanders
+from thermid.fit.problem.residuals import Influence, Problem, Unknown
 from thermid.fit.uncertainty.noise import Binned, binned, evidence, weighed
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure.amounts import short
@@ -37,12 +37,12 @@ from thermid.simulation.solution import Solution
 from thermid.simulation.transient import simulate
 
 SURE = 3.0
-"""Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
+"""Square of a move in its standard deviations, from which the readings ask for it. [-]"""
 GROWTH = 0.004
 """Standard deviation of the growth of a power with temperature, as a share per kelvin: that of copper. [1/K]"""
 SETTLING = 0.05
 """Standard deviation of what a power has more or less when it comes on, as a share of its step. [-]"""
-PACES = (0.01, 0.03, 0.1, 0.3, 1.0)
+SETTLING_PACES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Time constants of a power that settles, in lengths of the record, each as likely. [-]"""
 EXPONENT, RADIATIVE = 0.15, 0.3
 """Standard deviations of what the exponent of a coefficient with the difference of temperature, and its radiative share, may be off:
@@ -76,24 +76,15 @@ class DoubtedHeat:
 
 
 def with_doubts(fit: Calibration) -> Calibration:
-    """Return a fit whose errors count what its structure may lack, where its residuals refute it or its request asks for that."""
+    """Return a fit whose errors count what its structure may lack, where its request asks for that or the residuals refute it."""
     asked = fit.request is not None and fit.request.doubts
-    if not (asked or suspect(fit)) or not _able(fit):
+    if not _able(fit):
         return fit
     try:
-        found = _widened_by(fit, bool(asked))
+        found = _widened_by(fit, asked)
     except (ThermidError, np.linalg.LinAlgError):
         return fit
-    return _taken(fit, *found, bool(asked)) if found is not None else fit
-
-
-def suspect(fit: Calibration) -> bool:
-    """Whether the residuals of a fit may refute its structure: larger than the stated noise allows, and some of them wander."""
-    problem, spread = fit.problem, fit.autocorrelation
-    if problem is None or spread is None or any(o.noise is None for o in problem.observations()):
-        return False
-    slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
-    return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
+    return _taken(fit, *found, asked) if found is not None else fit
 
 
 def _able(fit: Calibration) -> bool:
@@ -218,9 +209,9 @@ def _of_loads(e: Experiment, run: Solution) -> Iterator[DoubtedHeat]:
             continue
         kelvin = run[row.node].kelvin
         yield DoubtedHeat(f"growth of {row.path}", GROWTH, {row.node: watts * (kelvin - kelvin[0])})
-        for pace in PACES:
+        for pace in SETTLING_PACES:
             course = settling(times, watts, pace * float(times[-1]))
-            yield DoubtedHeat(f"settling over {pace:g} of {row.path}", SETTLING / len(PACES) ** 0.5, {row.node: course})
+            yield DoubtedHeat(f"settling over {pace:g} of {row.path}", SETTLING / len(SETTLING_PACES) ** 0.5, {row.node: course})
 
 
 def settling(times: Array, watts: Array, pace: float) -> Array:
