@@ -16,6 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
+from thermid.fit.doubts import with_doubts
 from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
@@ -48,6 +49,8 @@ autocorrelated part may be so many times the independent one, or so much of what
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+SURE = 3.0
+"""Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 REFUTED = 1e-3
 """Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
@@ -720,7 +723,16 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
-    return with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    return with_doubts(made) if request.doubts or _suspect(made, spread) else made
+
+
+def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
+    """Whether the residuals of a fit may refute its structure: larger than the stated noise allows, and some of them wander."""
+    if fit.problem is None or any(o.noise is None for o in fit.problem.observations()):
+        return False
+    slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
+    return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:
