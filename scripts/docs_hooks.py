@@ -160,7 +160,7 @@ DECISIONS = {
     "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163 185 186 213 219 234 245",
     "knowledge and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172",
     "prediction and power": "34 46 49 121 122 124 178 179 190 195 196 218 227 233 246 248",
-    "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189 236",
+    "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189 236 241",
     "profiles, steadiness, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 167 229",
     "site": "58 60 139 159",
     "acquire": "71 73 80 81 90 92 164",

@@ -773,6 +773,37 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     return Weighed(weights, information * back - priors, scores / scale - pulls)
 
 
+def evidence(pieces: Sequence[Binned], priors: Array) -> float:
+    """Return the log-likelihood of traces, but for a constant that depends on their readings alone, with all unknowns integrated out.
+
+    White noise of each trace is as stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in
+    all traces, those that make the readings likeliest. Models of the same readings are compared with the same unknowns first, those of
+    `priors` zero flat, and more behind them.
+
+    Parameters
+    ----------
+    pieces : sequence of Binned             The traces in stretches of time, at any values of the unknowns.
+    priors : array (unknowns, unknowns)     Information that is known beside the data, about where the unknowns stand.
+    """
+    calm = [replace(b, mean=b.mean / s, slopes=b.slopes / s) for b in pieces for s in [max(1.0, b.within) ** 0.5] if b.count.size >= FEWEST]
+    scale = _scales(calm, priors)
+    traces = [_TraceBasis.of(b, scale) for b in calm]
+    known = priors * np.outer(scale, scale) + FLAT * np.eye(priors.shape[0])
+    begun, best = 0.5 * np.linalg.slogdet(known)[1], -np.inf
+    for node in range(GRID_TIMES * RATIOS):
+        at, ratio = divmod(node, RATIOS)
+        information, scores, alone = known.copy(), np.zeros(known.shape[0]), 0.0
+        for t in traces:
+            shrunk = t.shrunk[at, ratio]
+            taken = t.slopes[at].T * shrunk
+            _add(t, information, scores, taken @ t.slopes[at], taken @ t.residuals[at])
+            alone += 0.5 * float(np.log(shrunk).sum() - shrunk @ t.residuals[at] ** 2)
+        # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
+        fitted = 0.5 * float(scores @ np.linalg.solve(information, scores)) - 0.5 * float(np.linalg.slogdet(information)[1])
+        best = max(best, alone + fitted)
+    return float(best + begun)
+
+
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
     """Return the standard error of every unknown alone, by white noise; of what nothing is said 1."""
     square = np.diag(priors) + sum((b.count @ b.slopes**2 for b in pieces), np.zeros(priors.shape[0]))
