@@ -1,4 +1,4 @@
-"""Write the section of docs/coverage.md on watched tests: ``python scripts/watch_table.py --tests 1000 --hidden 200 --hours 240``."""
+"""Write the section of docs/coverage.md on watched tests, or some of its parts: ``python scripts/watch_table.py --only hours log``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 DATA = ROOT.parent / "shared" / "data"
 PAGE = ROOT / "docs" / "coverage.md"
-BEGIN, END = "<!-- watch: begin -->", "<!-- watch: end -->"
 LENGTH = 6.0
 """Hours of one test without a fault."""
-GROWTH = (1.0, 100.0)
-"""Hours of a growing log after which memory is measured."""
+GROWTH = (1 / 24, 0.25, 0.5, 0.75, 1.0)
+"""Shares of the hours of a growing log after which memory is measured."""
 
 
 def upper(wrong: int, count: int) -> float:
@@ -125,81 +124,74 @@ def real(data: Path) -> str:
     )
 
 
-def memory() -> str:
-    """Return the resident memory of a watch of a growing log after an hour and after a hundred."""
+def log(hours: float) -> str:
+    """Return alarms, resident memory and time per look of a watch of one growing log."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            [sys.executable, __file__, "--grow", folder, *map(str, GROWTH)], check=True, capture_output=True, text=True, cwd=ROOT
+            [sys.executable, __file__, "--grow", folder, str(hours)], check=True, capture_output=True, text=True, cwd=ROOT
         )
     said = json.loads(done.stdout.splitlines()[-1])
-    sizes = " and ".join(f"{mb:.0f} MB after {h:g} h ({rows} rows, {kept} kept)" for h, mb, rows, kept in said)
+    rows = "\n".join(f"| {h:g} | {written:,} | {kept:,} | {mb:.1f} | {ms:.0f} |" for h, written, kept, mb, ms in said["stages"])
     return (
-        "Resident memory of a watch with a deck on a growing text log, one reading of two sensors a second, a look every ten minutes: "
-        f"{sizes}."
+        f"One growing text log of {hours:g} h without a fault, a reading of two sensors a second, a look a minute with a deck "
+        f"({said['looks']:,} looks): {said['alarms']} false alarms. The longest look took {said['longest']:.1f} s.\n\n"
+        f"| hours | rows of the log | rows kept | resident memory [MB] | ms a look since the row above |\n|---|---|---|---|---|\n{rows}"
     )
 
 
-def grow(folder: Path, hours: Sequence[float]) -> None:
-    """Write a log that grows, watch it in this process, and print resident memory at some hours."""
+def grow(folder: Path, hours: float) -> None:
+    """Write a log that grows, watch it in this process, and print memory and times at some hours."""
     from recovery.watch_cases import growing
 
-    resident = []
-    for at, rows, kept in growing(folder, max(hours)):
-        if any(abs(at - h) < 1e-6 for h in hours):
+    stages: list[tuple[float, int, int, float, float]] = []
+    spent, looks, longest, alarms = [0.0], 0, 0.0, 0
+    for g in growing(folder, hours):
+        looks, longest, alarms = looks + 1, max(longest, g.seconds), len(g.alarms)
+        spent.append(g.seconds)
+        if any(abs(g.hours - share * hours) < 1e-6 for share in GROWTH):
             pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-            resident.append((at, pages * 4096 / 1e6, rows, kept))
-    print(json.dumps(resident))
+            stages.append((g.hours, g.rows, g.kept, pages * 4096 / 1e6, 1000.0 * sum(spent) / (len(spent) - 1)))
+            spent = [0.0]
+    print(json.dumps({"stages": stages, "looks": looks, "longest": longest, "alarms": alarms}))
 
 
-def section(asked: argparse.Namespace) -> str:
-    """Return the section."""
-    parts = []
-    for make in (
-        lambda: tests(asked.tests),
-        lambda: hidden(asked.hidden),
-        lambda: faults(asked.faults),
-        lambda: quiet_hours(asked.hours),
-        lambda: real(asked.data) if asked.data.is_dir() else "The real logs are not here.",
-        memory,
-    ):
-        begun = time.process_time()
-        parts.append(make())
-        print(parts[-1], f"[{time.process_time() - begun:.0f} s]", flush=True)
-    return f"""{BEGIN}
-## Watched tests
-
-`thermid watch` on synthetic tests of a heated chip, a case with a film and a lid nobody measures. Conductances, films and power are
-drawn about the rig's by 30 %, noise is 0.02 to 0.1 K, a reading comes every 5 to 20 s. Asked is +- 1 K; the plan's rule is
-'3 C/h'. A stop is wrong where one channel ends more than 1 K from its forecast. Saving is the part of the time until all measured
-channels meet the rule that is not waited; a stop before the rule needs a plan that allows it. Made by
-`python scripts/watch_table.py --tests {asked.tests} --hidden {asked.hidden} --faults {asked.faults} --hours {asked.hours:g}`.
-
-{parts[0]}
-
-Declined with a deck off by 2 %: where a channel ends some 40 K above the ambient, 2 % in each value move its end by more than
+DECLINED = """Declined with a deck off by 2 %: where a channel ends some 40 K above the ambient, 2 % in each value move its end by more than
 1 K, and the deck then says no more of a hidden mass than the readings do. Without a deck no forecast is narrow enough before the rule
-holds.
-
-{chr(10).join(f"{part}{chr(10)}" for part in parts[1:])}{END}"""
+holds."""
 
 
 def main() -> None:
-    """Write the page."""
+    """Write the page, part by part."""
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--tests", type=int, default=1000, help="tests with a deck; a tenth as many without")
     asked.add_argument("--hidden", type=int, default=200, help="tests with a hidden mass")
     asked.add_argument("--faults", type=int, default=40, help="planted faults")
-    asked.add_argument("--hours", type=float, default=240.0, help="hours of tests without a fault")
+    asked.add_argument("--hours", type=float, default=240.0, help="hours of tests without a fault, and of the growing log")
     asked.add_argument("--data", type=Path, default=DATA, help="folder of the real logs")
-    asked.add_argument("--grow", nargs=3, help=argparse.SUPPRESS)
+    asked.add_argument("--only", nargs="+", choices=("tests", "hidden", "faults", "hours", "log", "real"), help="parts that are made again")
+    asked.add_argument("--grow", nargs=2, help=argparse.SUPPRESS)
     given = asked.parse_args()
     sys.path.insert(0, str(ROOT / "tests"))
     if given.grow:
-        grow(Path(given.grow[0]), [float(h) for h in given.grow[1:]])
+        grow(Path(given.grow[0]), float(given.grow[1]))
         return
-    text = section(given)
-    page = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(page[: page.index(BEGIN)] + text + page[page.index(END) + len(END) :], encoding="utf-8")
+    parts: dict[str, Callable[[], str]] = {
+        "tests": lambda: f"{tests(given.tests)}\n\n{DECLINED}",
+        "hidden": lambda: hidden(given.hidden),
+        "faults": lambda: faults(given.faults),
+        "hours": lambda: quiet_hours(given.hours),
+        "log": lambda: log(given.hours),
+        "real": lambda: real(given.data) if given.data.is_dir() else "The real logs are not here.",
+    }
+    for name in given.only or parts:
+        begun = time.process_time()
+        text = parts[name]()
+        print(text, f"[{time.process_time() - begun:.0f} s]", flush=True)
+        begin, end = (f"<!-- watch {name}: {word} -->" for word in ("begin", "end"))
+        page = PAGE.read_text(encoding="utf-8")
+        size = f" --{'hours' if name == 'log' else name} {getattr(given, 'hours' if name == 'log' else name):g}" if name != "real" else ""
+        made = f"{begin}\n{text}\n\nMade by `python scripts/watch_table.py --only {name}{size}`.\n"
+        PAGE.write_text(page[: page.index(begin)] + made + page[page.index(end) :], encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -308,35 +308,26 @@ def _settle(half: Path, target: Path) -> None:
     os.replace(half, target)
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes, kind: FileKind) -> Path:
+def write_bytes(path: str | os.PathLike[str], data: bytes, kind: FileKind, comment: str = "#") -> Path:
     """Write a file with its seal and return its path.
+
+    Parameters
+    ----------
+    comment : str   How a line begins that is a comment; without effect in JSON, HTML, SVG, PNG and PDF.
 
     Raises
     ------
     OutputError, OSError   As `replacing`.
     """
-    whole = data if kind.own is not None else seal(data, kind.name)
+    whole = data if kind.own is not None else seal(data, kind.name, comment.encode())
     with replacing(path, kind) as half, half.open("wb") as file:
         file.write(whole)
     return Path(path)
 
 
 def write_text(path: str | os.PathLike[str], text: str, kind: FileKind, comment: str = "#") -> Path:
-    """Write a text as UTF-8 with its seal and return its path.
-
-    Parameters
-    ----------
-    comment : str   How a line begins that is a comment; without effect in JSON, HTML and SVG.
-
-    Raises
-    ------
-    OutputError, OSError   As `replacing`.
-    """
-    data = text.encode()
-    whole = data if kind.own is not None else seal(data, kind.name, comment.encode())
-    with replacing(path, kind) as half, half.open("wb") as file:
-        file.write(whole)
-    return Path(path)
+    """Write a text as UTF-8 with its seal and return its path; the rest as `write_bytes`."""
+    return write_bytes(path, text.encode(), kind, comment)
 
 
 @contextmanager

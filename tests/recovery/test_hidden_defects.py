@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -144,7 +145,7 @@ def test_a_proved_defect_carries_the_prediction(defect: str, named: str) -> None
     assert told.to_dict()["explanation"] == told.explanation
     assert told.standing.fair
     assert told.standing.exit_code == 0
-    assert abs(kelvin[at] - told["board"].kelvin[at]) <= 1.5 * told["board"].half_width[at]
+    assert abs(kelvin[at] - told["board"].kelvin[at]) <= told["board"].half_width[at]
     assert told["board"].half_width[at] < 0.2 * plain["board"].half_width[at]
     assert plain.standing.state == "not adequate"
     assert plain.explanation == ""
@@ -156,25 +157,30 @@ def test_a_proved_defect_carries_the_prediction(defect: str, named: str) -> None
 
 MISSED = {"hidden mass": "half-widths of 3.9 and 3.1 times the RMS error in 20 and 40 draws"}
 """What was measured where half-widths of at most 3 times the RMS error are asked for."""
+WIDTHS = [pytest.param(d, marks=[pytest.mark.xfail(strict=True, reason=MISSED[d])] if d in MISSED else []) for d in DEFECTS if d != "none"]
+"""Defects, of which those are expected to miss their width that did; a width that is met fails there, so that the list is mended."""
 
 
-def marked(defect: str) -> Any:
-    """A defect, expected to miss its figures where it did."""
-    marks = [pytest.mark.xfail(strict=False, reason=MISSED[defect])] if defect in MISSED else []
-    return pytest.param(defect, marks=marks)
+@cache
+def of_two_hundred(defect: str) -> Row:
+    """Return the row of 200 draws, made once."""
+    found = row(defect, 200)
+    print(found)
+    return found
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("defect", [marked(d) for d in DEFECTS])
+@pytest.mark.parametrize("defect", DEFECTS)
 def test_two_hundred_draws(defect: str) -> None:
-    found = row(defect, 200)
-    print(found)
-    if defect == "none":
-        assert found.declined.mean() <= 0.05
-        return
+    found = of_two_hundred(defect)
+    assert found.declined.mean() <= (0.05 if defect == "none" else 0.3)
     assert found.inside >= 0.9
-    assert found.declined.mean() <= 0.3
-    assert found.ratio <= 3.0
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("defect", WIDTHS)
+def test_width_of_two_hundred_draws(defect: str) -> None:
+    assert of_two_hundred(defect).ratio <= 3.0
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from thermid.measure.readers.formats import log_cells
 from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.deck.modelfile import model_from_dict
-from thermid.watch.growing import GrowingLog
+from thermid.watch.growing import GrowingLog, played
 from thermid.watch.stopping import STOP, Stopping
 from thermid.watch.watcher import Watcher, WatchLook
 from unit.estimation.rig import AIR, NOISE, Array, deck_of, logged, rig, run, scenario
@@ -183,10 +184,10 @@ def quiet(seed: int, hours: float, every: float = 60.0) -> Iterator[WatchLook]:
     """Yield the looks at a test where nothing fails, one a minute, well beyond its end."""
     case = drawn(800_000 + seed)
     courses = run(model_from_dict(case.truth), 3600.0 * hours, {"start": "22 [degC]"}, case.every)
-    record, twin, at = log_of(case, courses), watcher(case), 600.0
-    while at <= 3600.0 * hours:
-        yield twin.look(record.trim(0.0, at))
-        at += every
+    twin = watcher(case)
+    for record in played(log_of(case, courses), every):
+        if record.times[-1] >= 600.0:
+            yield twin.look(record)
 
 
 @dataclass(frozen=True)
@@ -240,8 +241,19 @@ def _left(record: Record, look: WatchLook) -> bool:
     return False
 
 
-def growing(folder: Path, hours: float, every: float = 600.0) -> Iterator[tuple[float, int, int]]:
-    """Watch a text log that grows by a reading of two sensors a second; yield hours, rows written, and rows kept at every look."""
+@dataclass(frozen=True)
+class Grown:
+    """A growing log at one look: hours, rows written, rows kept, processor time of reading and looking [s], alarms up to then."""
+
+    hours: float
+    rows: int
+    kept: int
+    seconds: float
+    alarms: tuple[str, ...]
+
+
+def growing(folder: Path, hours: float, every: float = 60.0) -> Iterator[Grown]:
+    """Watch a text log that grows by a reading of two sensors a second, a look a minute; nothing fails."""
     case = drawn(0)
     model = model_from_dict(case.deck or {})
     r = np.random.default_rng(7)
@@ -259,7 +271,8 @@ def growing(folder: Path, hours: float, every: float = 600.0) -> Iterator[tuple[
         ]
         with path.open("a", encoding="utf-8") as file:
             file.writelines(f"{t:.0f},{a:.3f},{b:.3f}\n" for t, a, b in zip(times, *columns, strict=True))
+        begun = process_time()
         record = log.record()
         assert record is not None
-        twin.look(record)
-        yield (begin + every) / 3600.0, int(begin + every), record.times.size
+        look = twin.look(record)
+        yield Grown((begin + every) / 3600.0, int(begin + every), record.times.size, process_time() - begun, tuple(map(str, look.alarms)))

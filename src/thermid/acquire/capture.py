@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Final
 
 from thermid.acquire.port import Port, check_port
+from thermid.acquire.wire import parse_line
 from thermid.errors import RecordError
 from thermid.files import scratch
-
-_PROTOCOL: Final = re.compile(r"[BSCDRE],\d+,\d+,.*\*[0-9A-F]{4}\Z")
 
 
 class PortCapture:
@@ -51,7 +48,7 @@ class PortCapture:
                     text = self._port.read_line(left).decode("utf-8", "replace").strip()
                 except OSError as error:
                     raise RecordError(f"the port was disconnected ({error}). Connect the board and start again.", self._device) from None
-                if _PROTOCOL.match(text):
+                if _of_bench(text):
                     raise RecordError(
                         "the board sends the protocol of 'thermid log'. Start 'thermid log' on this port, and watch its file.", self._device
                     )
@@ -61,6 +58,15 @@ class PortCapture:
     def close(self) -> None:
         """Give the port back."""
         self._port.close()
+
+
+def _of_bench(text: str) -> bool:
+    """Whether a line is of the protocol of the bench."""
+    try:
+        parse_line(text)
+    except RecordError:
+        return False
+    return True
 
 
 @contextmanager

@@ -193,11 +193,21 @@ class CampaignSource:
 
     def bound(self, name: str, stage: StageTable) -> Record:
         """Return a record with the bindings of a stage in place of its own."""
-        record = self.record(name)
-        for channel in (*stage.bind, *stage.ignore):
-            record.channel(channel)
-        kept = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
-        return replace(record, channels={c.name: c for c in kept})
+        return bound_by(self.record(name), stage)
+
+    def table_of(self, name: str) -> RecordTable:
+        """Return the table of a record, whether its log is there or not.
+
+        Raises
+        ------
+        RecordError   When there is none of the name.
+        """
+        table = self.content.records.get(name)
+        if table is not None:
+            return table
+        known = {**self.content.records, **{n: t for n, (_, t) in self.names().items()}}
+        refuse_unknown([name], known, self.path.name, "no record '{}'. Records: {known}.", RecordError)
+        return known[name]
 
     def local_of_record(self, name: str) -> dict[str, LocalSpec]:
         """Return the local values that a record's own table gives."""
@@ -211,6 +221,14 @@ class CampaignSource:
             made: Model = self.memo.made(("fmu", target), lambda: extension("an FMU as a model", where)(target))
             return made
         return load_model(target)
+
+
+def bound_by(record: Record, stage: StageTable) -> Record:
+    """Return a record with the bindings of a stage in place of its own."""
+    for channel in (*stage.bind, *stage.ignore):
+        record.channel(channel)
+    kept = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
+    return replace(record, channels={c.name: c for c in kept})
 
 
 def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:

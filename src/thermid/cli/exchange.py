@@ -52,6 +52,7 @@ from thermid.model.deck.save import save_model, toml_text
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
+from thermid.units import counted
 
 COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}
 """Form of an export -> what begins a comment in it."""
@@ -137,14 +138,20 @@ def write_back(
     network = _network(file)
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
-    texts = network.written_back(model)
+    texts, left = network.written_back(model), network.not_written_back(model)
     targets = {to / Path(name).name: text for name, text in texts.items()}
     if targets:
         to.mkdir(parents=True, exist_ok=True)
     for target, text in targets.items():
         write_bytes(target, text.encode("latin-1"), COPY)
-    lines = [f"written: {target}" for target in targets] or ["nothing differs from the deck: no file was written"]
-    say(as_json, {"files": [target.name for target in targets], "standing": standing.to_dict()}, "\n".join(lines))
+    lines = [f"written: {target}" for target in targets]
+    if not targets:
+        lines = ["no file was written" if left else "nothing differs from the deck: no file was written"]
+    if left:
+        what = f"INCOMPLETE: {counted(len(left), 'changed value')} without a number of its own in the deck, not written: {', '.join(left)}"
+        lines.insert(0, what)
+    shown = {"files": [target.name for target in targets], "not_written": list(left), "standing": standing.to_dict()}
+    say(as_json, shown, "\n".join(lines))
     leave(standing)
 
 

@@ -17,6 +17,8 @@ from thermid.cli.screen import Progress, show
 from thermid.errors import ScenarioError, spoken
 from thermid.extensions import require
 from thermid.files import NETCDF, PAPER, PICTURE, check_ending, command, may_write
+from thermid.measure.amounts import pairs as pairs
+from thermid.measure.amounts import with_unit as with_unit
 from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
 from thermid.model.parts.parameter import Standing
@@ -143,22 +145,6 @@ def staged(path: Path, data: Path | None, results: Path | None, accept: Sequence
 def leave(standing: Standing, code: int = 0) -> NoReturn:
     """End a command whose answer was given: with its own exit code, or that of the values which the answer rests on."""
     raise SystemExit(min(code, standing.exit_code, key=PRECEDENCE.index))
-
-
-def pairs(texts: list[str], option: str) -> dict[str, str]:
-    """Return ``PATH=VALUE`` options as a dictionary."""
-    out = {}
-    for text in texts:
-        path, equals, value = text.partition("=")
-        if not equals or not path.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option)
-        out[path.strip()] = value.strip()
-    return out
-
-
-def with_unit(value: str, unit: str) -> str:
-    """Return a value with a unit, the usual one where none is written."""
-    return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"
 
 
 NEEDS = {PICTURE.name: "report", NETCDF.name: "export"}

@@ -14,21 +14,33 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
-from thermid.cli.options import Boundaries, ScenarioPath, pairs, with_unit
+from thermid.campaign.running import RunningTest, running_test
+from thermid.cli.options import (
+    Boundaries,
+    Data,
+    KeepValues,
+    Loads,
+    Results,
+    ScenarioPath,
+    Start,
+    ValuesPath,
+    fitted_model,
+    pairs,
+    scenario_of,
+    staged,
+    with_unit,
+)
 from thermid.errors import RecordError
 from thermid.extensions import extension
 from thermid.measure.amounts import amount
-from thermid.measure.readers.log_reader import read_record, temperature_columns
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import rule_of
-from thermid.model.deck.modelfile import load_model
 from thermid.model.laws.signal import literal
-from thermid.model.tree.model import Model
 from thermid.reporting.pages.views import clean
-from thermid.simulation.scenario_file import load_scenario
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE
-from thermid.watch.growing import GrowingLog
+from thermid.watch.columns import BoundColumns
+from thermid.watch.growing import GrowingLog, played
 from thermid.watch.stopping import Stopping, TemperatureLimit
 from thermid.watch.watcher import Watcher, WatchLook
 
@@ -38,11 +50,27 @@ if TYPE_CHECKING:
 PORT: Final = "a serial port that is watched"
 
 
+Channels = Annotated[
+    list[str],
+    typer.Option("--channel", help="Column, or COLUMN=NODE, BOUNDARY or LOAD of the deck; by default what has a name of the deck's."),
+]
+FullScale = Annotated[list[str], typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")]
+LogPath = Annotated[
+    Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
+]
+LikeCampaign = Annotated[
+    Path | None, typer.Option("--campaign", help="A campaign: its record has the meaning of the columns, its stage the model.")
+]
+
+
 def watch(
-    log: Annotated[
-        Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
-    ],
-    channel: Annotated[list[str], typer.Option("--channel", help="Temperature column, or COLUMN=NODE; all of them by default.")] = [],  # noqa: B006
+    log: LogPath,
+    channel: Channels = [],  # noqa: B006
+    full_scale: FullScale = [],  # noqa: B006
+    time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
+    separator: Annotated[str | None, typer.Option("--separator", help="Separator of the columns, where it cannot be told.")] = None,
+    decimal: Annotated[str | None, typer.Option("--decimal", help="Decimal sign, where the file has both.")] = None,
+    date: Annotated[str | None, typer.Option("--clock", help="Form of the stamps, such as '%d/%m/%Y %H:%M'.")] = None,
     rule: Annotated[str, typer.Option("--rule", help="The plan's own rule of stability, such as '3 C/h' or '1 K over 4 h'.")] = "3 C/h",
     required: Annotated[bool, typer.Option("--required", help="The plan asks that its rule holds; no stop is advised before.")] = False,
     within: Annotated[str, typer.Option("--within", help="Half of the interval of where a channel ends, at most.")] = "1 [K]",
@@ -50,14 +78,23 @@ def watch(
     slowest: Annotated[str | None, typer.Option("--slowest", help="Longest time constant that the unit can have, without a model.")] = None,
     since: Annotated[str, typer.Option("--since", help="When conditions last changed.")] = "start",
     model: Annotated[Path | None, typer.Option("--model", help="Deck of the unit: nodes without sensors, faults with suspects.")] = None,
+    values: ValuesPath = None,
+    keep: KeepValues = False,
+    campaign: LikeCampaign = None,
+    record: Annotated[str, typer.Option("--record", help="The record of the campaign that the log is like.")] = "",
+    stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
-    noise: Annotated[str, typer.Option("--noise", help="Noise of one reading.")] = "0.05 [K]",
+    load: Loads = [],  # noqa: B006
+    start: Start = None,
+    noise: Annotated[str | None, typer.Option("--noise", help="Noise of one reading; what the readings show by default.")] = None,
     every: Annotated[str, typer.Option("--every", help="Time between looks.")] = "60 [s]",
     replay: Annotated[bool, typer.Option("--replay", help="Look at a log that ended as if it grew.")] = False,
     capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
     once: Annotated[bool, typer.Option("--once", help="Look once and leave.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
+    data: Data = None,
+    results: Results = None,
 ) -> None:
     """Watch a running test: when to stop, and what went wrong.
 
@@ -66,28 +103,47 @@ def watch(
     step = literal(with_unit(every, "s"), "s", "--every")
     if not step > 0.0:
         raise RecordError(f"the time between looks is above zero, not '{every}'.", "--every")
-    deck = None if model is None else load_model(model)
-    said = load_scenario(scenario) if scenario is not None else Scenario(log.name) if boundary else None
-    said = (
-        said.with_(boundaries={n: with_unit(t, "degC") for n, t in pairs(boundary, "--boundary").items()})
-        if said is not None and boundary
-        else said
-    )
     if capture is not None and not _is_port(log):
         raise RecordError(f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture")
-    made = _Made(rule, within, limit, slowest, deck, said, required)
+    by_hand = model is not None or values is not None or bool(channel or full_scale)
+    if by_hand if campaign is not None else bool(record or stage):
+        raise RecordError(
+            "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
+            "command line",
+        )
+    given = bool(boundary or load or scenario is not None or start is not None)
+    said = scenario_of(scenario, boundary, load, start, None) if given else None
+    stated = None if noise is None else with_unit(noise, "K")
+    read = {"time": time, "separator": separator, "decimal": decimal, "clock": date}
+    test = None if campaign is None else running_test(staged(campaign, data, results), record, stage)
+    if test is None:
+        deck = None if model is None else fitted_model(model, values, keep)
+        columns = BoundColumns(_told(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
+    else:
+        columns = _columns_of(test, stated, read)
+    made = _Made(rule, within, limit, slowest, said, required, columns, test)
     with ExitStack() as open_:
         line = open_.enter_context(extension(PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
-
-        def read(piece: Path) -> Record:
-            return _read(piece, path.stem, channel, noise)
-
         if replay or once:
-            look = _looks(_replayed(read(path).trim(with_unit(since, "s"), "end"), step, once), made, as_json)
+            records = _replayed(columns.read(path, path.stem).trim(with_unit(since, "s"), "end"), step, once)
         else:
-            look = _looks(_growing(GrowingLog(path, read), step, since, line), made, as_json)
+            records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
+        look = _looks(records, made, as_json)
     raise SystemExit(4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
+
+
+def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None]) -> BoundColumns:
+    """Return the columns of a log that is like a record of a campaign."""
+    options = test.options | {k: v for k, v in read.items() if v is not None}
+    columns = BoundColumns(noise=noise, model=test.model, options=options, tables=dict(test.table.channels), bound=test.bound)
+    columns.remarks = test.remarks
+    return columns
+
+
+def _told(channel: list[str]) -> dict[str, str]:
+    """Return column -> what it is bound to, of ``COLUMN`` and ``COLUMN=PATH``."""
+    return {n.strip(): path.strip() or n.strip() for n, _, path in (text.partition("=") for text in channel)}
 
 
 def _looks(records: Iterator[Record], made: _Made, as_json: bool) -> WatchLook | None:
@@ -95,9 +151,11 @@ def _looks(records: Iterator[Record], made: _Made, as_json: bool) -> WatchLook |
     watcher: Watcher | None = None
     look: WatchLook | None = None
     for record in records:
+        first = watcher is None
         watcher = watcher or made.watcher(record)
         look = watcher.look(record)
-        typer.echo(json.dumps(clean({"schema": 1, **look.as_object()})) if as_json else str(look))
+        text = str(look) if first or look.advice.word == "stop" else look.seen()
+        typer.echo(json.dumps(clean({"schema": 1, **look.as_object()})) if as_json else text)
         if look.advice.word == "stop":
             break
     return look
@@ -105,13 +163,11 @@ def _looks(records: Iterator[Record], made: _Made, as_json: bool) -> WatchLook |
 
 def _replayed(record: Record, step: float, once: bool) -> Iterator[Record]:
     """Yield a log that ended as if it grew, or all of it once. [s]"""
-    at, first, end = float(record.times[0]), float(record.times[0]), float(record.times[-1])
-    while at < end and not once:
-        at = min(at + step, end)
-        if at - first >= 10.0 * record.step:
-            yield record.trim(first, at)
-    if once or end - first < 10.0 * record.step:
+    least = 10.0 * record.step
+    if once or record.duration < least:
         yield record
+        return
+    yield from (r for r in played(record, step) if r.duration >= least)
 
 
 def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
@@ -143,9 +199,10 @@ class _Made:
     within: str
     limit: list[str]
     slowest: str | None
-    deck: Model | None
     said: Scenario | None
     required: bool
+    columns: BoundColumns
+    test: RunningTest | None
 
     def watcher(self, record: Record) -> Watcher:
         """Return what watches."""
@@ -158,16 +215,11 @@ class _Made:
             record.channel(m.channel)
         width = amount(with_unit(self.within, "K"), "K", "--within")
         more: dict[str, Any] = {} if self.slowest is None else {"slowest": with_unit(self.slowest, "s")}
-        if self.deck is None:
+        deck = self.columns.model
+        if deck is None:
             return Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names)
-        more |= {"model": self.deck, "scenario": self.said or Scenario(record.name)}
-        return Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names, self.deck, self.said)
-
-
-def _read(log: Path, name: str, channel: list[str], noise: str) -> Record:
-    """Return a log, or a piece of one, as a record of a given name."""
-    sits = {n: node or n for n, _, node in (text.partition("=") for text in channel)}
-    names = list(sits) or temperature_columns(log)
-    if not names:
-        raise RecordError("no column looks like a temperature. Name them with --channel.", log.name)
-    return read_record(log, {n: {"node": sits.get(n, n), "noise": with_unit(noise, "K")} for n in names}, name=name)
+        said = self.said if self.test is None else self.test.conditions(record, self.said)
+        more |= {"model": deck, "scenario": said or Scenario(record.name)}
+        made = Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names, deck, said)
+        made.remarks = self.columns.remarks
+        return made

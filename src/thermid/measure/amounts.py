@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
 
-from thermid.errors import RecordError, errors_at
+from thermid.errors import RecordError, ScenarioError, errors_at
 from thermid.expression import parse
 from thermid.units import format_value, require_unit
 
@@ -90,3 +90,24 @@ def some(names: Sequence[str], noun: str) -> str:
     'a ... e (5 records)'
     """
     return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} {noun})"
+
+
+def pairs(texts: Iterable[str], option: str) -> dict[str, str]:
+    """Return ``PATH=VALUE`` texts as a dictionary.
+
+    Raises
+    ------
+    ScenarioError   When one is of another form.
+    """
+    out = {}
+    for text in texts:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip() or not value.strip():
+            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option)
+        out[path.strip()] = value.strip()
+    return out
+
+
+def with_unit(value: str, unit: str) -> str:
+    """Return a value with a unit, the usual one where none is written."""
+    return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"

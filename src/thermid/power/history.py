@@ -777,24 +777,24 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
             scaled = [(a / np.sqrt(level), g / np.sqrt(level)) if k == 0 else (a, g) for k, (a, g) in enumerate(sides)]
             _told(problem, scaled, knots.size)
             best = max((_likeliest(scaled, force, knots, pins, base, p) for p in priors), key=lambda f: f[0])
-            _, taken, z, h, strength = best
+            _, taken, z, covariance, strength = best
             if levelled:
                 left = sides[0][0] @ z - sides[0][1]
                 data = scaled[0][0].T @ scaled[0][0]
                 # tr(H^-1 A'A): how many of the readings the unknowns take (effective parameters); the rest are degrees of freedom
-                worth = float(np.trace(np.linalg.solve(h, data)))
+                worth = float(np.sum(covariance * data))
                 level = float(left @ left) / max(problem.samples - worth, 1.0)
         z = np.clip(z, low, high)
-        force = _margin(problem, x, slopes / np.sqrt(level), h, theta, level, colour)
+        force = _margin(problem, x, slopes / np.sqrt(level), covariance, theta, level, colour)
         step, x = z - x, z
-        sd = np.sqrt(np.diag(np.linalg.inv(h)))
+        sd = np.sqrt(np.diag(covariance))
         if (np.abs(step) < 0.01 * sd + 1e-9 * np.abs(x)).all():
             converged = True
             break
     else:
         converged = False
     seen = np.asarray(scaled[0][0].T @ scaled[0][0])
-    return Solved(x, np.asarray(np.linalg.inv(h)), seen, taken, converged, strength)
+    return Solved(x, covariance, seen, taken, converged, strength)
 
 
 def _told(problem: Problem, sides: Sequence[tuple[Array, Array]], count: int) -> None:
@@ -812,16 +812,20 @@ def _told(problem: Problem, sides: Sequence[tuple[Array, Array]], count: int) ->
         )
 
 
-def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence[int], level: float, colour: Colour | None) -> Array:
+def _margin(
+    problem: Problem, x: Array, slopes: Array, covariance: Array, theta: Sequence[int], level: float, colour: Colour | None
+) -> Array:
     """Return what the logarithm of the margin over the history adds to the derivatives (unknowns,) of the parameters.
 
     The mode of history and parameters together is not that of the parameters alone: a smaller capacitance makes a smoother history, which
     its prior likes, though the readings then say more of it. The margin holds the one against the other: ``-1/2 d log|H| / d parameter``,
-    H the information on all else.
+    H the information on all else: the inverse of their covariance where the parameters are known.
     """
     out = np.zeros(x.size)
-    others = np.setdiff1d(np.arange(x.size), theta)
-    inverse = np.linalg.pinv(h[np.ix_(others, others)], hermitian=True)
+    known = np.array(theta, dtype=np.int64)
+    others = np.setdiff1d(np.arange(x.size), known)
+    across = covariance[np.ix_(others, known)]
+    inverse = covariance[np.ix_(others, others)] - across @ np.linalg.solve(covariance[np.ix_(known, known)], across.T)
     here = slopes[:, others].T @ slopes[:, others]
     for k in theta:
         moved = x.copy()
@@ -834,41 +838,53 @@ def _margin(problem: Problem, x: Array, slopes: Array, h: Array, theta: Sequence
 def _likeliest(
     sides: Sequence[tuple[Array, Array]], force: Array, knots: Array, pins: Pins, base: float, prior: str, strengths: Array | None = None
 ) -> tuple[float, str, Array, Array, float]:
-    """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, their information, and it.
+    """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, their covariance, and it.
 
     `strengths` are those that are tried, as powers of ten; by default a wide grid, and then a fine one.
     """
     size, count = sides[0][0].shape[1], knots.size
     first = size - count
-    data = sum((a.T @ a for a, _ in sides), np.zeros((size, size)))
-    right = sum((a.T @ g for a, g in sides), force.copy())
+    apart, stepped = _differences(knots, pins, 1 if prior == "walk" else 2)
+    basis = np.eye(size)  # the unknowns, with differences of knots in place of knots: a stiff prior is a diagonal there
+    basis[first:, first:] = np.linalg.inv(apart)
+    rows = [a @ basis for a, _ in sides]
+    data = sum((a.T @ a for a in rows), np.zeros((size, size)))
+    right = sum((a.T @ g for a, (_, g) in zip(rows, sides, strict=True)), basis.T @ force)
     square = float(sum(g @ g for _, g in sides))
-    rough = _roughness(knots, pins, 1 if prior == "walk" else 2)
-    held = np.eye(count) / base**2
-    scale = float(np.trace(sides[0][0][:, first:].T @ sides[0][0][:, first:])) / max(float(np.trace(rough)), 1e-300)
+    held = basis[first:, first:].T @ basis[first:, first:] / base**2
+    rough = float(np.sum(stepped[:, None] * apart**2))  # trace of D'D
+    scale = float(np.sum(sides[0][0][:, first:] ** 2)) / max(rough, 1e-300)
 
-    def at(strength: float) -> tuple[float, Array, Array]:
-        smooth = scale * 10.0**strength * rough + held
+    def at(strength: float) -> tuple[float, Array, Array, Array]:
+        smooth = held + np.diag(scale * 10.0**strength * stepped)
         h = data.copy()
         h[first:, first:] += smooth
-        z = np.linalg.solve(h, right)
+        # both are solved with ones on their diagonals: over twelve decades of strength the evidence would lose its digits
+        own, by = (1.0 / np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (smooth, h))
+        level, even = smooth * own * own[:, None], h * by * by[:, None]
+        z = by * np.linalg.solve(even, by * right)
         # evidence of a linear model: 2 ln p = ln|S| - ln|H| - (|g|^2 - b'H^-1 b), S the prior's precision, H = A'A + S
-        # (MacKay, Neural Computation 4 (1992) 415)
-        logs = np.linalg.slogdet(smooth)[1] - np.linalg.slogdet(h)[1] - (square - float(right @ z))
-        return 0.5 * float(logs), np.asarray(z), np.asarray(h)
+        # (MacKay, Neural Computation 4 (1992) 415); a change of basis leaves the ratio of the determinants as it is
+        sizes = [float(np.linalg.slogdet(m)[1] - 2.0 * np.log(d).sum()) for m, d in ((level, own), (even, by))]
+        return 0.5 * (sizes[0] - sizes[1] - (square - float(right @ z))), np.asarray(z), even, by
 
     _, strength = max((at(s)[0], s) for s in (np.arange(-8.0, 8.01, 0.5) if strengths is None else strengths).tolist())
     if strengths is None:
         _, strength = max((at(s)[0], s) for s in (strength + np.arange(-0.5, 0.51, 0.05)).tolist())
-    value, z, h = at(strength)
-    return value, prior, z, np.asarray(h), strength
+    value, z, even, by = at(strength)
+    back = basis * by
+    return value, prior, basis @ z, np.asarray(back @ np.linalg.inv(even) @ back.T), strength
 
 
-def _roughness(knots: Array, pins: Pins, order: int) -> Array:
-    """Return D'D of differences between knots, of the first or second order; none reach across a jump."""
-    out = np.zeros((knots.size, knots.size))
+def _differences(knots: Array, pins: Pins, order: int) -> tuple[Array, Array]:
+    """Return the matrix (knots, knots) of differences of the first or second order, and 1 where a row is one: none reach across a jump.
+
+    The other rows are the knots with which each section begins, so that the matrix has an inverse.
+    """
+    out, stepped = np.eye(knots.size), np.zeros(knots.size)
     for first, last in pairwise(pins.sections.tolist()):
         if last - first > order:
             rows = np.diff(np.eye(last - first), n=order, axis=0) / float(np.diff(knots[first:last]).mean()) ** (order - 0.5)
-            out[first:last, first:last] = rows.T @ rows
-    return out
+            out[first + order : last, first:last] = rows
+            stepped[first + order : last] = 1.0
+    return out, stepped

@@ -54,8 +54,47 @@ class IntervalEstimate:
         return f"{self.value - ICE_POINT:.2f} degC ({self.low - ICE_POINT:.2f} to {self.high - ICE_POINT:.2f})"
 
 
+class EndForecast:
+    """What every forecast of a channel's end says; `Forecast` has the fields."""
+
+    channel: str
+    start: float
+    now: float
+    latest: float
+    final: IntervalEstimate
+    declined: str
+    level: float
+    rule: StabilityRule
+    holds: float | None
+
+    @property
+    def saved(self) -> float | None:
+        """Time that need not be waited until the rule holds; None where that is not to be seen. [s]"""
+        return None if self.holds is None else max(self.holds - self.now, 0.0)
+
+    def _object(self, slow: float | None, holds_late: float | None, by_model: bool) -> dict[str, Any]:
+        """Return it as JSON holds it; what was not asked is null."""
+        final = self.final
+        return {
+            "channel": self.channel,
+            "from": self.start,
+            "now": self.now,
+            "latest_C": self.latest - ICE_POINT,
+            "final_C": None if self.declined else final.value - ICE_POINT,
+            "interval_C": [final.low - ICE_POINT, final.high - ICE_POINT],
+            "level": self.level,
+            "declined": self.declined or None,
+            "slow": slow,
+            "rule": self.rule.name,
+            "holds": self.holds,
+            "holds_late": holds_late,
+            "saved": self.saved,
+            "by_model": by_model,
+        }
+
+
 @dataclass(frozen=True, eq=False)
-class Forecast(Result):
+class Forecast(EndForecast, Result):
     """What a channel will do under conditions that stay as they are.
 
     Parameters
@@ -106,11 +145,6 @@ class Forecast(Result):
         return estimate(with_step(self._approach.at(at, reading=True), self._step), level or self.level)
 
     @property
-    def saved(self) -> float | None:
-        """Time that need not be waited until the rule holds; None where that is not to be seen. [s]"""
-        return None if self.holds is None else max(self.holds - self.now, 0.0)
-
-    @property
     def drift(self) -> float:
         """Drift that the readings cannot tell from none. [K/s]"""
         rates = self._approach.rate(self.now)
@@ -120,23 +154,7 @@ class Forecast(Result):
 
     def as_object(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
-        final = self.final
-        return {
-            "channel": self.channel,
-            "from": self.start,
-            "now": self.now,
-            "latest_C": self.latest - ICE_POINT,
-            "final_C": None if self.declined else final.value - ICE_POINT,
-            "interval_C": [final.low - ICE_POINT, final.high - ICE_POINT],
-            "level": self.level,
-            "declined": self.declined or None,
-            "slow": self.slow,
-            "rule": self.rule.name,
-            "holds": self.holds,
-            "holds_late": self.holds_late,
-            "saved": self.saved,
-            "by_model": self.by_model,
-        }
+        return self._object(self.slow, self.holds_late, self.by_model)
 
     def _risk(self) -> str:
         """Return what may be wrong with the final temperature."""

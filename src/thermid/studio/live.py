@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from thermid.errors import RecordError, ThermidError
+from thermid.measure.amounts import pairs, with_unit
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.reporting.pages.views import clean
 from thermid.simulation.scenarios.scenario import Scenario
-from thermid.watch.growing import thinned
 from thermid.watch.stopping import Stopping
 from thermid.watch.watcher import Watcher
 
@@ -61,8 +61,7 @@ class LiveWatch:
             if self._watcher is None or of != self._of or record.times[-1] < self._at:
                 self._watcher, self._of = self._made(record, rule, slowest, asked), of
             self._at = float(record.times[-1])
-            bound = record if self._watcher.model is not None else thinned(record)
-            look = self._watcher.look(bound)
+            look = self._watcher.look(record)
         except ThermidError as error:
             self._watcher = None
             return {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": [], "model": ""}
@@ -79,7 +78,8 @@ class LiveWatch:
         model, self._why = self._deck(), ""
         names = tuple(record.channels)
         if model is not None:
-            scenario = Scenario(record.name, boundaries=_boundaries(str(asked.get("boundaries") or "")))
+            given = pairs(filter(str.strip, str(asked.get("boundaries") or "").split(",")), "bench")
+            scenario = Scenario(record.name, boundaries={n: with_unit(t, "degC") for n, t in given.items()})
             try:
                 known = set(compile_network(model).nodes)
                 names = tuple(n for n in record.channels if n in known)
@@ -94,22 +94,3 @@ class LiveWatch:
                 self._why = "the model is not used: no channel of the log has the name of one of its nodes"
         more: dict[str, Any] = {} if slowest is None else {"slowest": slowest}
         return Watcher(Stopping(rule, float(within), **more), tuple(record.channels))
-
-
-def _boundaries(text: str) -> dict[str, str]:
-    """Return boundary -> temperature of a text such as ``air=22, plate=30``.
-
-    Raises
-    ------
-    RecordError   When it is of another form.
-    """
-    out = {}
-    for part in filter(None, (p.strip() for p in text.split(","))):
-        name, sign, value = (p.strip() for p in part.partition("="))
-        try:
-            out[name] = f"{float(value)} [degC]"
-        except ValueError:
-            sign = ""
-        if not sign or not name:
-            raise RecordError(f"'{part}' is not a boundary with its temperature, such as air=22.", "bench")
-    return out

@@ -1,12 +1,13 @@
 """A log that grows, read in pieces, and a record of it whose size does not grow with it.
 
-Readings of the last `RECENT` seconds stay as they are. Older ones are averaged over stretches of a five-hundredth of the time since the
-beginning, so that rows grow with the logarithm of the time only. Where a power or command changes nothing is averaged.
+Readings of the last twenty minutes stay as they are. Readings of the last 80 minutes are averaged over at most two seconds; older ones over
+stretches of 1/250 of the time since the beginning, or since a power or command last changed. Rows then grow with the logarithm of the time
+only. Where powers change so often that this leaves more than `MOST` rows, powers are averaged with the readings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,16 +17,32 @@ from numpy.typing import NDArray
 
 from thermid.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.files import COPY, scratch, write_bytes
-from thermid.linear_algebra import Bools
-from thermid.measure.record.channel import Channel
+from thermid.linear_algebra import Array, Bools
+from thermid.measure.record.channel import Channel, found_noise, step_of, usual_step
 from thermid.measure.record.record import Record
 
 Places = NDArray[np.intp]
 
+RAW: Final = 1200.0
+"""What stays as it was read, for what readings alone show. [s]"""
+KEPT: Final = 240
+"""Readings that stay at least, however far apart."""
 RECENT: Final = 4800.0
-"""What stays as it was read: twice the window of the filter. [s]"""
-FINE: Final = 500.0
+"""What is averaged over `BLOCK` at most: twice the window of the filter. [s]"""
+MIDDLE: Final = 60.0
+"""What is averaged where a longer stretch is not complete. [s]"""
+BLOCK: Final = 2.0
+"""Readings closer than this are averaged for fit and filter; a node that is ten times as slow moves by 0.04 % less than its mean. [s]"""
+SHARE: Final = 1000.0
+"""Part of a short log over which its readings are averaged at most."""
+FINE: Final = 250.0
 """Rows in which the time since the beginning grows by e."""
+MOST: Final = 6000
+"""Rows of averages at most, beyond which powers are averaged too."""
+SWITCHED: Final = 8.0
+"""Usual changes between neighbours from which a power counts as switched."""
+LEAST: Final = 0.05
+"""Noise of a reading at least, where nobody stated it. [K]"""
 CHUNK: Final = 1 << 18
 """Bytes that are read at once."""
 ENOUGH: Final = 20
@@ -34,25 +51,139 @@ HEADS: Final = 200
 """Lines at the beginning within which header and first samples stand."""
 
 
-def thinned(record: Record) -> Record:
-    """Return a record with older readings averaged, as the module says; the record itself where none are old."""
+def switches(record: Record) -> Bools:
+    """Return the samples at which a logged power or command was switched (samples,); noise of a power meter is no switch."""
+    out = np.zeros(record.times.size, dtype=bool)
+    for c in record.channels.values():
+        if c.held:
+            known = np.flatnonzero(c.valid & np.isfinite(c.values))
+            apart = np.abs(np.diff(c.values[known]))
+            least = max(SWITCHED * float(np.median(apart)), 0.01 * float(np.ptp(c.values[known]))) if apart.size else 0.0
+            out[known[1:][apart > least]] = True
+    return out
+
+
+def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
+    """Return a record with readings averaged, as the module says; the record itself where nothing is.
+
+    Parameters
+    ----------
+    record : Record
+    raw : float         How far back readings stay as they are [s]; at least `KEPT` of them do, unless it is zero.
+    block : float       Over how long recent readings are averaged at least. [s]
+    """
     since = record.times - record.times[0]
-    late = int(np.searchsorted(since, since[-1] - RECENT))
-    step = float(np.median(np.diff(since[late:]))) if since.size - late > 1 else record.step
-    place = np.floor(FINE * np.log1p(since / (FINE * step))).astype(int)
-    old = place < place[late]
-    held = [c for c in record.channels.values() if c.held]
-    jumps = np.zeros(since.size, dtype=bool)
-    for c in held:
-        jumps[1:] |= np.diff(c.values) != 0.0
-    changing = np.isin(place, place[jumps])
-    group = np.where(old & ~changing, place, -1 - np.arange(since.size))
-    first = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
-    if first.size == since.size:
+    step = _raw_step(record)
+    switched = switches(record)
+    last = np.maximum.accumulate(np.where(switched, np.arange(since.size), 0))
+    alone = switched | np.concatenate([[True], switched[:-1]])
+    alone[: min(2, since.size)] = True  # a record begins where it began
+    begins = _begins(since, since - since[last], alone, step, raw, block)
+    if begins.size > MOST + max(raw / max(step, 1e-9), KEPT if raw else 0.0):
+        begins = _begins(since, since, np.arange(since.size) < 2, step, raw, block)
+    if begins.size == since.size:
         return record
-    count = np.diff(first, append=since.size)
-    channels = {c.name: _averaged(c, first, count) for c in record.channels.values()}
-    return replace(record, times=np.add.reduceat(record.times, first) / count, channels=channels)
+    count = np.diff(begins, append=since.size)
+    channels = {c.name: _averaged(c, begins, count) for c in record.channels.values()}
+    return replace(record, times=np.add.reduceat(record.times, begins) / count, channels=channels)
+
+
+def _raw_step(record: Record) -> float:
+    """Return the time between readings as they come now. [s]"""
+    return usual_step(record.times[-KEPT:])
+
+
+def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
+    """Return the samples that begin a stretch, of times since the beginning and since a power changed [s]; each stretch is complete."""
+    age, every = since[-1] - since, np.arange(since.size)
+    wide = np.floor(FINE * np.log1p(changed / (FINE * max(step, BLOCK))))
+    middle, short = (_stretches(since, size, step) for size in (MIDDLE, max(block, _block(float(since[-1])))))
+    out, done = [], 0
+    for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, KEPT * step) if raw else -1.0)):
+        firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
+        end = _aligned(firsts, int(np.searchsorted(-age, -far))) if far >= 0.0 else since.size
+        if end > done:
+            out.append(np.union1d(done, firsts[(firsts > done) & (firsts < end)]))
+            done = end
+    return np.concatenate([*out, every[done:]])
+
+
+def _stretches(since: Array, size: float, step: float) -> Array:
+    """Return the number of the stretch of a length [s] that every sample lies in; each its own where readings come no faster."""
+    return np.floor(since / size + 1e-9) if step < size else np.arange(since.size, dtype=float)
+
+
+def _block(duration: float) -> float:
+    """Return over how long readings of a log of a length are averaged, halved while the log is short. [s]"""
+    return float(BLOCK * 2.0 ** min(0.0, np.floor(np.log2(max(duration, 1e-9) / (SHARE * BLOCK)))))
+
+
+def _aligned(firsts: Places, place: int) -> int:
+    """Return the begin of the stretch that holds a sample."""
+    return int(firsts[np.searchsorted(firsts, place, side="right") - 1])
+
+
+def blocked(record: Record, least: float = 0.0) -> Record:
+    """Return a record as fit and filter take it: no stretch shorter than `least` [s], each complete, with the noise of a mean."""
+    step, ends = _raw_step(record), record.times - record.times[0]
+    block = max(_block(float(ends[-1])), least)
+    complete = step >= block or ends[-1] % block >= block - 1.5 * step
+    kept = thinned(record if complete else part(record, 0, int(np.searchsorted(ends, block * (ends[-1] // block) - 1e-9))), 0.0, block)
+    read = {
+        n: noise_of(record, n) for n, c in record.channels.items() if c.role == "node" or (c.role == "auto" and c.quantity == "temperature")
+    }
+    many = max(block / max(step, 1e-9), 1.0)
+    return kept.with_channels(*(replace(kept.channel(n), noise=_of_mean(record.channel(n), noise, many)) for n, noise in read.items()))
+
+
+def noise_of(record: Record, name: str) -> float:
+    """Return the noise of a reading: as stated, or what the latest readings show, at least `LEAST`. [K]"""
+    channel = record.channel(name)
+    if channel.noise:
+        return channel.noise
+    return max(found_noise(part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)), LEAST)
+
+
+def _of_mean(channel: Channel, noise: float, many: float) -> float:
+    """Return the noise of a mean of readings: of white noise less, of rounding and of correlated noise not. [K]"""
+    if many == 1.0 or (channel.part is not None and channel.part.correlation_time):
+        return noise
+    rounding = step_of(part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)) / 12.0**0.5
+    return float(np.hypot(noise / many**0.5, rounding if rounding > noise else 0.0))
+
+
+def part_of(channel: Channel, begin: int, end: int) -> Channel:
+    """Return a channel from one sample to before another."""
+    return replace(channel, values=channel.values[begin:end], valid=channel.valid[begin:end], masks={})
+
+
+def part(record: Record, begin: int, end: int) -> Record:
+    """Return a record from one sample to before another; at least two."""
+    begin, end = min(begin, max(end - 2, 0)), max(end, min(2, record.times.size))
+    if begin == 0 and end == record.times.size:
+        return record
+    return replace(record, times=record.times[begin:end], channels={n: part_of(c, begin, end) for n, c in record.channels.items()})
+
+
+def latest(record: Record) -> Record:
+    """Return the readings that stayed as they were read."""
+    size = record.times.size
+    begin = int(np.searchsorted(record.times, record.times[-1] - RAW))
+    return part(record, max(min(begin, size - KEPT), 0), size)
+
+
+def played(record: Record, every: float) -> Iterator[Record]:
+    """Yield a log that ended as if it grew, at moments some time apart [s], thinned as a log that grows is."""
+    times, taken = record.times, 0
+    kept: Record | None = None
+    at = float(times[0])
+    while taken < times.size:
+        at = min(at + every, float(times[-1]))
+        end = int(np.searchsorted(times, at, side="right"))
+        if end >= 2 and end > taken:
+            kept = thinned(part(record, 0, end) if kept is None else _extended(kept, record, taken, end))
+            taken = end
+            yield kept
 
 
 def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
@@ -67,15 +198,18 @@ def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
 
 def followed_by(record: Record, later: Record) -> Record:
     """Return a record with the samples of another one that come after it."""
-    new = later.times > record.times[-1]
-    if not new.any():
-        return record
+    begin = int(np.searchsorted(later.times, record.times[-1], side="right"))
+    return record if begin == later.times.size else _extended(record, later, begin, later.times.size)
+
+
+def _extended(record: Record, other: Record, begin: int, end: int) -> Record:
+    """Return a record with some samples of another one after its own."""
     channels = {}
     for name, c in record.channels.items():
-        other = later.channel(name)
-        values, valid = np.concatenate([c.values, other.values[new]]), np.concatenate([c.valid, other.valid[new]])
+        more = other.channel(name)
+        values, valid = np.concatenate([c.values, more.values[begin:end]]), np.concatenate([c.valid, more.valid[begin:end]])
         channels[name] = replace(c, values=values, valid=valid, masks={})
-    return replace(record, times=np.concatenate([record.times, later.times[new]]), channels=channels)
+    return replace(record, times=np.concatenate([record.times, other.times[begin:end]]), channels=channels)
 
 
 class GrowingLog:

@@ -14,9 +14,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from thermid.fit.minimisation import minimise
 from thermid.fit.problem.experiment import Experiment, bind
-from thermid.fit.problem.residuals import Bench
-from thermid.linear_algebra import Array
+from thermid.fit.problem.residuals import Bench, Compressed, Prior, Unknown
+from thermid.linear_algebra import Array, covariance
 from thermid.measure.record.channel import step_of
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import StabilityRule, effective_samples
@@ -25,8 +26,9 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Options, Traces, kept_for
-from thermid.steadiness.forecast import FEWEST, IntervalEstimate
-from thermid.watch.suspects import UNSAID, suspects_of
+from thermid.steadiness.forecast import FEWEST, EndForecast, IntervalEstimate
+from thermid.watch.growing import LEAST
+from thermid.watch.suspects import suspects_of
 
 TRUST: Final = 0.3
 """Prior spread of conductances, coefficients and powers about the deck's, of their logarithm: readings decide where they say more."""
@@ -38,8 +40,8 @@ BENT: Final = 0.03
 """Error of the change that is still to come, as a share of it, for laws that bend otherwise than the model's. [-]"""
 FIRST: Final = 8
 """Readings of every channel from which values are fitted; a forecast needs more."""
-STEPS: Final = 12
-"""Gauss-Newton steps, at most."""
+CLOSE: Final = 0.05
+"""Part of a standard error below which a step ahead ends the fit."""
 FAR: Final = 30.0
 """Stretches ahead within which a rule may come to hold."""
 AHEAD: Final = 400
@@ -55,7 +57,7 @@ class Settled(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ModelForecast:
+class ModelForecast(EndForecast):
     """Where a channel ends by a model fitted to its readings; reads as a `Forecast` does.
 
     Parameters
@@ -83,23 +85,7 @@ class ModelForecast:
 
     def as_object(self) -> dict[str, Any]:
         """Return it as JSON holds it, with the keys of a `Forecast`; what a fit does not say is null."""
-        final = self.final
-        return {
-            "channel": self.channel,
-            "from": self.start,
-            "now": self.now,
-            "latest_C": self.latest - ICE_POINT,
-            "final_C": None if self.declined else final.value - ICE_POINT,
-            "interval_C": [final.low - ICE_POINT, final.high - ICE_POINT],
-            "level": self.level,
-            "declined": self.declined or None,
-            "slow": None,
-            "rule": self.rule.name,
-            "holds": self.holds,
-            "holds_late": None,
-            "saved": None if self.holds is None else max(self.holds - self.now, 0.0),
-            "by_model": True,
-        }
+        return self._object(None, None, True)
 
 
 class LiveFit:
@@ -158,59 +144,69 @@ def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, with
 
 
 class _Fit:
-    """One fit: the bench, its unknowns with their priors, and the readings with what they weigh."""
+    """One fit: the bench, its unknowns with their priors, and the readings with what they weigh; a `LeastSquares` of `minimise`."""
 
     def __init__(self, experiment: Experiment, record: Record, before: dict[str, float]) -> None:
         self.experiment, self.record = experiment, record
-        self.names, self.base, self.spread, self.relative = unknowns_of(experiment)
+        self.names, self.base, spread, self.relative = unknowns_of(experiment)
         self.bench = Bench.of(experiment, self.names)
         self.sensors = experiment.observations
-        bias = np.array([_accuracy(record, o.sensor) for o in self.sensors])
-        self.prior = np.concatenate([self.spread, bias])
-        self.z = np.array([before.get(n, 0.0) for n in (*self.names, *(f"sensor {o.sensor}" for o in self.sensors))])
-        self.sizes = np.array([o.sigma({o.sensor: UNSAID}) for o in self.sensors])
+        priors = dict(zip(self.names, spread.tolist(), strict=True)) | {
+            f"sensor {o.sensor}": _accuracy(record, o.sensor) for o in self.sensors
+        }
+        self.unknowns = tuple(Unknown(n, "local", (), 0.0, prior=Prior(0.0, sd)) for n, sd in priors.items())
+        self.prior = np.array([*priors.values()])
+        self.z = np.array([before.get(n, 0.0) for n in priors])
+        self.sizes = np.array([o.sigma({o.sensor: LEAST}) for o in self.sensors])
         self.steps = [step_of(record.channel(o.sensor)) for o in self.sensors]
+        self.samples = sum(o.index.size for o in self.sensors)
         self.worth = 0.0
         self.inverse: Array = np.eye(self.z.size)
 
     def found(self) -> dict[str, float]:
         """Return the unknowns by name, as deviations from the model's. [-], [K]"""
-        names = (*self.names, *(f"sensor {o.sensor}" for o in self.sensors))
-        return dict(zip(names, self.z.tolist(), strict=True))
+        return dict(zip((u.name for u in self.unknowns), self.z.tolist(), strict=True))
 
-    def _values(self) -> tuple[Array, Array]:
+    def _values(self, z: Array) -> tuple[Array, Array]:
         """Return the values of the free names and their derivatives by the unknowns."""
-        z = self.z[: len(self.names)]
-        x = np.where(self.relative, self.base * np.exp(z), self.base + z)
+        own = z[: len(self.names)]
+        x = np.where(self.relative, self.base * np.exp(own), self.base + own)
         return x, np.where(self.relative, x, 1.0)
 
-    def _residuals(self) -> tuple[list[Array], list[Array]]:
+    def _residuals(self, z: Array) -> tuple[list[Array], list[Array]]:
         """Return residuals (samples,) of every sensor and derivatives of its predictions (samples, unknowns). [K]"""
-        x, scale = self._values()
+        x, scale = self._values(z)
         read, slopes = self.bench.temperatures(x, True, Options())
         left, rows = [], []
         for k, o in enumerate(self.sensors):
             own = np.zeros((o.index.size, len(self.sensors)))
             own[:, k] = 1.0
-            left.append(o.measured - read[o.index, k] - self.z[len(self.names) + k])
+            left.append(o.measured - read[o.index, k] - z[len(self.names) + k])
             rows.append(np.hstack([slopes[o.index, k] * scale, own]))
         return left, rows
 
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+        """Return the weighted residuals with their derivatives, in as few rows as there are unknowns and one."""
+        left, rows = self._residuals(fitted)
+        whole = np.vstack([np.column_stack([-j, r]) / s for r, j, s in zip(left, rows, self.sizes, strict=True)])
+        root: Array = np.asarray(np.linalg.qr(whole, mode="r"))
+        return Compressed(root[:, -1], root[:, :-1], float(root[:, -1] @ root[:, -1]), (), ())
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of the priors and their derivatives."""
+        return fitted / self.prior, np.diag(1.0 / self.prior)
+
+    def square(self, found: Compressed) -> float:
+        """Return the sum of the squares of the residuals in units of the noise."""
+        return found.chi_square
+
     def run(self) -> None:
-        """Take Gauss-Newton steps until they are small beside the errors; then weigh the readings by what is left, and again."""
+        """Fit; weigh the readings by what is left; fit again."""
         for _ in range(2):
-            for _ in range(STEPS):
-                left, rows = self._residuals()
-                precision = np.diag(1.0 / self.prior**2)
-                drive = -self.z / self.prior**2
-                for r, j, s in zip(left, rows, self.sizes, strict=True):
-                    precision += j.T @ j / s**2
-                    drive += j.T @ r / s**2
-                self.inverse = np.asarray(np.linalg.inv(precision))
-                move = self.inverse @ drive
-                self.z = self.z + np.clip(move, -3.0 * self.prior, 3.0 * self.prior)
-                if np.all(np.abs(move) < 0.05 * np.sqrt(np.diag(self.inverse))):
-                    break
+            found = minimise(self, start=self.z, done=CLOSE)
+            self.z = found.fitted
+            self.inverse = covariance(np.concatenate([found.jacobian, found.priors]))
+            left, rows = self._residuals(self.z)
             self._weigh(left, rows)
         self.inverse = np.linalg.inv(np.diag(1.0 / self.prior**2) + sum(j.T @ j / s**2 for j, s in zip(rows, self.sizes, strict=True)))
 
@@ -227,7 +223,7 @@ class _Fit:
 
     def ends(self, rule: StabilityRule, level: float) -> dict[str, Settled]:
         """Return where every sensor ends with its interval, and when a rule holds there."""
-        x, scale = self._values()
+        x, scale = self._values(self.z)
         count = len(self.names)
         engine = self.bench.engine
         a = engine.started(self.bench.wiring.assemble(x, True), True)
@@ -282,8 +278,8 @@ def unknowns_of(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, 
     rows = {n: r for n, r in rows.items() if r[0] > 0.0}
     first = experiment.scenario.initial
     for name in (*experiment.loose, *experiment.hidden):
-        sd = experiment.hidden[name].sd if name in experiment.hidden else 10.0 * UNSAID
-        rows[f"initial.{name}"] = (float(first[name]), max(sd, UNSAID), False)
+        sd = experiment.hidden[name].sd if name in experiment.hidden else 10.0 * LEAST
+        rows[f"initial.{name}"] = (float(first[name]), max(sd, LEAST), False)
     base, spread, relative = (np.array(column) for column in zip(*rows.values(), strict=True))
     return tuple(rows), base, spread, relative
 

@@ -7,9 +7,6 @@ from typing import Final
 
 from thermid.network.network import Network
 
-UNSAID: Final = 0.05
-"""Noise of a reading where nobody said it. [K]"""
-
 
 @dataclass(frozen=True)
 class SuspectValue:

@@ -25,14 +25,16 @@ from thermid.linear_algebra import Array, Bools
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.record.record import Record
 from thermid.model.tree.model import Model
+from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Traces
-from thermid.watch.growing import thinned
+from thermid.watch.columns import roles_in
+from thermid.watch.growing import LEAST, blocked, latest, noise_of
 from thermid.watch.live_fit import STORED, TRUST, unknowns_of
 from thermid.watch.stopping import StopAdvice, Stopping
-from thermid.watch.suspects import UNSAID, SuspectValue, suspects_of
+from thermid.watch.suspects import SuspectValue, suspects_of
 
 JUMP: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
@@ -128,8 +130,10 @@ WINDOW: Final = 2400.0
 """How far back a fault is looked for. [s]"""
 BEGINNINGS: Final = (60.0, 120.0, 180.0, 300.0, 480.0, 780.0, 1260.0, 2100.0)
 """Before now, when a fault may have begun. [s]"""
-CLOSER: Final = 12
+NEARER: Final = 12
 """Further beginnings that are tried about the best one."""
+CLOSER: Final = 10.0
+"""Over what a closer look averages readings, where no node is faster than five times that. [s]"""
 CERTAIN: Final = 20.0
 """Rise of the log-likelihood from which a fault is named: chance makes one in 2e8 of a single question, and a day of looks asks 1e5."""
 CLEARER: Final = 2.0
@@ -142,6 +146,8 @@ FITTED: Final = (
 """What a fit to the readings takes as given."""
 STRANGE: Final = 4.0
 """Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
+MORE: Final = 0.5
+"""By how much such a mean must exceed that of the last closer look, where that found no cause, before the next one."""
 CONFIRMED: Final = 90.0
 """How long what the model's suspects explain must last before it is named: a sensor that jumps looks like anything at first. [s]"""
 
@@ -193,19 +199,24 @@ class WatchLook:
         }
 
     def __str__(self) -> str:
-        """The alarms, the advice, where channels end, and what nobody measures."""
+        """The alarms, the advice, where channels end, what nobody measures, and what was taken."""
+        return "\n".join([self.seen(), *(f"  assumed: {a}" for a in self.assumed)])
+
+    def seen(self) -> str:
+        """Return it in words without what was taken, which stays the same from look to look."""
         lines = [f"ALARM {m}" for m in self.alarms]
         word = {"stop": "stop now", "wait": "wait", "declined": "declined"}[self.advice.word]
         lines.append(f"after {duration_text(self.at)}: {word}: {self.advice.because}")
         for f in self.advice.ends.values():
             end = "declined" if f.declined else f"ends at {f.final}"
-            left = "" if f.holds is None else f"; rule '{f.rule.name}' in {duration_text(max(f.holds - self.at, 0.0))}"
+            ahead = 0.0 if f.holds is None else f.holds - self.at
+            left = "" if f.holds is None else f"; rule '{f.rule.name}' {f'in {duration_text(ahead)}' if ahead > 0.0 else 'met'}"
             made = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
             lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}{made}")
         for n in self.nodes:
             if not n.measured:
                 lines.append(f"  {n.name} (not measured) {n.value - ICE_POINT:.2f} +- {short(n.half)} degC")
-        return "\n".join([*lines, *(f"  assumed: {a}" for a in self.assumed)])
+        return "\n".join(lines)
 
 
 @dataclass
@@ -218,12 +229,14 @@ class _Filter:
     belief : Belief         Then; None before the first reading.
     stands : list           Time and belief at the looks of the last window, where closer looks begin.
     errors : dict           Sensor -> times and innovations in units of their standard deviations.
+    fastest : float         Shortest time constant. [s]
     """
 
     time: float
     belief: Belief | None = None
     stands: list[tuple[float, Belief | None]] = field(default_factory=list)
     errors: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    fastest: float = 0.0
 
     def take(self, window: _Window, now: float) -> None:
         """Take what a filter found since the last look."""
@@ -237,12 +250,12 @@ class _Filter:
             standard = np.concatenate([old[1], window.errors[own] / np.sqrt(window.variances[own])])
             late = times > now - WINDOW
             self.errors[o.sensor] = (times[late], standard[late])
-        self.time, self.belief = now, window.beliefs[-1]
+        self.time, self.belief, self.fastest = now, window.beliefs[-1], window.fastest
 
     @property
-    def strange(self) -> bool:
-        """Whether a mean of neighbouring innovations is far from zero, so that a closer look may find a cause."""
-        return any(_largest_mean(standard) > STRANGE for _, standard in self.errors.values())
+    def largest(self) -> float:
+        """The largest mean of neighbouring innovations in units of its own standard deviation. [-]"""
+        return max((_largest_mean(standard) for _, standard in self.errors.values()), default=0.0)
 
 
 def _largest_mean(standard: Array) -> float:
@@ -263,6 +276,7 @@ class Watcher:
     model : Model or None   Of the unit; without one nodes without sensors and faults of the unit are not known.
     scenario : Scenario     What the log does not say: constant boundaries, powers, starts.
     driven : float          Wiener noise on every node. [K/s^0.5]
+    remarks : tuple of str  What else was taken, said with every look.
     """
 
     stopping: Stopping
@@ -270,9 +284,12 @@ class Watcher:
     model: Model | None = None
     scenario: Scenario | None = None
     driven: float = DRIVEN
+    remarks: tuple[str, ...] = ()
     _filter: _Filter | None = field(default=None, init=False, repr=False)
     _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
     _since: float | None = field(default=None, init=False, repr=False)
+    _cleared: float = field(default=0.0, init=False, repr=False)
+    _roles: Mapping[str, str] | None = field(default=None, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
     def look(self, record: Record) -> WatchLook:
@@ -282,27 +299,40 @@ class Watcher:
         ----------
         record : Record     The log from when conditions last changed, its channels bound to the model's nodes.
         """
-        off = sensor_alarms(record, self.channels)
+        recent, kept = latest(record), blocked(record)
+        off = sensor_alarms(recent, self.channels)
         broken = {a.suspect for a in off}
-        kept = thinned(record)
         names = tuple(n for n in self.channels if n not in broken)
-        fitted = self.stopping.due(record) and self._fitted(kept, names)
-        nodes, found = self._filtered(kept, names, fitted) if self.model is not None and names else ((), [])
-        for a in (*off, *self._lasting(found, record, names)):
+        fitted = self.stopping.due(kept) and self._fitted(kept, names)
+        nodes, found = self._filtered(record, kept, names, fitted) if self.model is not None and names else ((), [])
+        for a in (*off, *self._lasting(found, recent, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
         doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
-        settles = self._settles(record) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
+        settles = self._settles(kept) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
         advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
-        return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(record))
+        return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(recent))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
         if self.model is None:
             return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
-        silent = [n for n in self.channels if record.channel(n).noise is None]
-        noise = [f"noise of {', '.join(silent)}: {UNSAID:g} K is assumed, because none is stated"] if silent else []
+        silent = [f"{n} {short(noise_of(record, n))} K" for n in self.channels if not record.channel(n).noise]
+        noise = [f"noise as the latest readings show it, because none is stated: {', '.join(silent)}"] if silent else []
         fitted = () if self.stopping.settling is None else (FITTED,)
-        return (f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node", *fitted, *noise)
+        error = f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node"
+        return (error, *fitted, *noise, *self._unlogged(record), *self.remarks)
+
+    def _unlogged(self, record: Record) -> tuple[str, ...]:
+        """Return which powers are the deck's, and that what is logged stays as it was last."""
+        assert self.model is not None
+        if self._roles is None:
+            self._roles = roles_in(compile_network(self.model))
+        bound = {c.target or c.name for c in record.channels.values()}
+        given = bound | {*(self.scenario.loads if self.scenario is not None else ())}
+        own = [p for p, role in self._roles.items() if role == "load" and p not in given]
+        last = [p for p, role in self._roles.items() if role != "node" and p in bound]
+        deck = (f"power of {', '.join(own)}: the deck's, because no column gives it",) if own else ()
+        return (*deck, *((f"forecasts hold while {', '.join(last)} stays as last logged",) if last else ()))
 
     def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
@@ -339,16 +369,21 @@ class Watcher:
             self._filter = _Filter(*self._filter.stands[0])
         return settling.values is not before
 
-    def _filtered(self, record: Record, names: Sequence[str], fitted: bool) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
+    def _filtered(self, whole: Record, record: Record, names: Sequence[str], fitted: bool) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
         """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
         f = self._passed(record, names)
-        if f.strange and not fitted and self._fitted(record, names):
+        self._cleared = min(self._cleared, f.largest)
+        if f.largest <= max(STRANGE, self._cleared + MORE):
+            return self._nodes, []
+        if not fitted and self._fitted(record, names):
             f = self._passed(record, names)
         settling = self.stopping.settling
-        if not f.strange or (settling is not None and not settling.values):
-            return self._nodes, []
-        begin, belief = f.stands[0]
-        return self._nodes, self._window(self._of(record, names).trim(begin, "end"), belief).alarms()
+        found = []
+        if f.largest > STRANGE and (settling is None or settling.values):
+            begin, belief = f.stands[0]
+            found = self._window(self._of(blocked(whole, min(CLOSER, f.fastest / 5.0)), names).trim(begin, "end"), belief).alarms()
+        self._cleared = 0.0 if found else f.largest
+        return self._nodes, found
 
     def _passed(self, record: Record, names: Sequence[str]) -> _Filter:
         """Return the filter after the readings that are new to it."""
@@ -425,7 +460,7 @@ class _Window:
         massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
         dynamics = Dynamics(bench, noises, {})
-        sigma = np.array([o.sigma({o.sensor: UNSAID}) for o in experiment.observations])
+        sigma = np.array([o.sigma({o.sensor: LEAST}) for o in experiment.observations])
         values_of = _FilterValues(names, x, bias, sigma, driven)
         passing = Passing(dynamics, [values_of.at(dynamics)])
         kept = passing.run(keep=True, begin=None if start is None else (0, start))
@@ -442,6 +477,12 @@ class _Window:
             NodeBand(n, float(m), 1.96 * float(s), n in read) for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
         )
 
+    @property
+    def fastest(self) -> float:
+        """The shortest time constant at the end. [s]"""
+        local = self.dynamics.local(self.values.at(self.dynamics), self.beliefs[-1].mean[0], float(self.dynamics.grid[-1]))
+        return float(1.0 / max(np.abs(np.linalg.eigvals(local.jacobian)).max(), 1e-12))
+
     def alarms(self) -> list[Alarm]:
         """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
         end = float(self.dynamics.grid[-1])
@@ -452,7 +493,7 @@ class _Window:
             return []
         # a beginning that is wrong blames what acts later or sooner: look closer about the best
         k = int(np.argmin(np.abs(np.array(backs) - (end - best.since))))
-        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], CLOSER + 2)[1:-1]:
+        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], NEARER + 2)[1:-1]:
             found += self._began(end - float(back))
         best = max(found, key=lambda a: a.gain)
         alike = {a.suspect: a for a in found if a.gain > best.gain - CLEARER}

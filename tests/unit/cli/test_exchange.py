@@ -173,3 +173,17 @@ def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], m
     said = call(*(accelerometer if a == "DECK" else a for a in arguments))
     assert (said.code, said.out) == (2, "")
     assert said.err.startswith(message)
+
+
+def test_a_change_without_a_number_of_its_own_is_said_first(call: Call, tmp_path: Path) -> None:
+    case = tmp_path / "strap.inp"
+    case.write_text("HEADER NODE DATA, A\n  -1, 20., 0.\n  2, 20., 5.\n  3, 20., 5.\nHEADER CONDUCTOR DATA, A\n  1, 1, 2, 2, 3, 0.5\n")
+    assert call("import", case, "--to", tmp_path / "strap.toml").code == 0
+    back = ("write-back", case, tmp_path / "strap.toml", "--to", tmp_path / "back")
+    said = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--param", "A.T2.capacitance=6 [J/K]")
+    assert said.out.splitlines()[0] == (
+        "INCOMPLETE: 1 changed value without a number of its own in the deck, not written: A_G1_2.conductance"
+    )
+    assert "  2, 20., 6 $ fitted, was 5." in (tmp_path / "back" / "strap.inp").read_text()
+    found = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--json").object
+    assert (found["files"], found["not_written"]) == ([], ["A_G1_2.conductance"])

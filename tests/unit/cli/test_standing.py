@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
+import thermid as td
 from thermid.cli.options import PRECEDENCE, leave
 from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing
 from unit.cli.conftest import Call, Said
 from unit.fit.planted import planted
 
+STUDY = Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml"
 TOLD = "NOT CREDIBLE: rests on stage 'box' (T_BOX would need an error of +0."
 TAKEN = TOLD.replace("CREDIBLE:", "CREDIBLE (accepted):")
 HOLD = """
@@ -80,7 +82,14 @@ def test_calibrate_and_report(folder: Path, call: Call, monkeypatch: pytest.Monk
     page = Path("page.html").read_text(encoding="utf-8")
     assert "whole is not credible" in page
     assert "not judged" in page
+    assert '<p class="sum bad">? 1 of 1 verdict not judged' in page
     assert call("calibrate", "campaign.toml", "--accept", "boks").code == 2
+
+
+def test_the_page_of_a_study_does_not_count_it_as_failed(folder: Path, tmp_path: Path) -> None:
+    run = td.run_stages(folder / "campaign.toml", cache=folder / "results")
+    page = td.reporting.study_report(td.design.load_study(STUDY), run, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    assert '<p class="sum bad">? 1 of 1 verdict not judged' in page
 
 
 @pytest.mark.parametrize("own", PRECEDENCE)
@@ -128,3 +137,11 @@ def test_nothing_is_said_where_there_is_nothing_to_tell() -> None:
     for standing in (CREDIBLE, UNJUDGED):
         assert standing.over("text") == "text"
         assert standing.exit_code == 0
+
+
+def test_a_plan_alone_has_no_values_to_write(folder: Path, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    said = call(*COMMANDS["swap"], "--to", str(tmp_path / "values"))
+    assert said.code == 2
+    assert "--new-data" in said.err
+    assert not (tmp_path / "values").exists()

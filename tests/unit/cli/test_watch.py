@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from thermid.acquire.wire import sealed
 from unit.watch.test_watch import ICE, rising
 
 Call = Callable[..., Any]
@@ -82,7 +83,7 @@ class TestCommand:
 
     @pytest.mark.parametrize(
         ("line", "words"),
-        [("30.1,25.0", "Name them with --channel"), ("R,4,12,alive*6905", "Start 'thermid log' on this port")],
+        [("30.1,25.0", "Name them with --channel"), (sealed("B,0,4,atmega328p,thermid-bench 1,power"), "Start 'thermid log' on this port")],
         ids=["values without names", "the bench"],
     )
     def test_lines_of_a_port_that_are_refused(self, call: Call, line: str, words: str) -> None:

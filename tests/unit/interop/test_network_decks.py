@@ -528,3 +528,62 @@ def test_esatans_cycle_within_its_own_convergence() -> None:
     ]
     assert max(off) < 2 * 0.0556  # its last cycle still moved by 0.0556 K
     assert re.fullmatch(r"radiator", network.title)
+
+
+ROWS = """HEADER NODE DATA, BOX
+  1, 20., 5.
+  2, 20., 5.D0
+  GEN 3, 2, 1, 20., 7.
+HEADER NODE DATA, SPACE
+  -1, 3., 0.
+  -2, 3., 0.
+  -3, 3., 0.
+HEADER ARRAY DATA, BOX
+ 1 = 0., 1., 100., 2.
+HEADER CONDUCTOR DATA, BOX
+C Contact - Face Contactor-Foot to wall[BOX][1]::A1
+  GEN 3, 3, 1, BOX.1, 1, SPACE.1, 1, 5.D-2
+  10, 1, 2, 2, 3, 0.7
+  11, 3, 4, 0.4
+  SIV 12, 1, 4, A1, 2.5
+HEADER SOURCE DATA, BOX
+  1, 6.
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "row", "written"),
+    [
+        ({"contact_foot_to_wall_a1": 2.0}, "SPACE.1, 1, 5.D-2", "SPACE.1, 1, 0.1 $ fitted, was 5.D-2"),  # one number of three conductors
+        ({"BOX_G11.conductance": "0.6 [W/K]"}, "4, 0.4", "4, 0.6 $ fitted, was 0.4"),
+        ({"BOX_G10_1.conductance": "1.4 [W/K]", "BOX_G10_2.conductance": "1.4 [W/K]"}, "3, 0.7", "3, 1.4 $ fitted, was 0.7"),
+        ({"BOX_G12.scale": 5.0}, "A1, 2.5", "A1, 5 $ fitted, was 2.5"),
+        ({"BOX.T2.capacitance": "4 [J/K]"}, "5.D0", "4 $ fitted, was 5.D0"),
+        ({"BOX_Q1.power": "9 [W]"}, "1, 6.", "1, 9 $ fitted, was 6."),
+    ],
+)
+def test_every_changed_number_goes_back(tmp_path: Path, values: dict[str, float | str], row: str, written: str) -> None:
+    network = read_network(_write(tmp_path, "rows.inp", ROWS))
+    model = network.model().with_values(values)
+    (text,) = network.written_back(model).values()
+    assert text == ROWS.replace(row, written)
+    assert network.not_written_back(model) == ()
+    again = read_network(_write(tmp_path, "again.inp", text)).model()
+    one, other = (td.steady(m, network.scenario()) for m in (model, again))
+    assert max(abs(one[n] - other[n]) for n in one.keys()) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), [("BOX_G10_1.conductance", "1.25 [W/K]"), ("BOX_G4.conductance", "1.25 [W/K]"), ("BOX.T3.capacitance", "8 [J/K]")]
+)
+def test_one_number_of_several_values_is_not_written_for_one_of_them(tmp_path: Path, path: str, value: str) -> None:
+    network = read_network(_write(tmp_path, "rows.inp", ROWS))
+    model = network.model().with_values({path: value})
+    assert network.written_back(model) == {}
+    assert network.not_written_back(model) == (path,)
+
+
+def test_a_deck_that_is_no_import_of_the_file_is_refused(tmp_path: Path, sinda: Path) -> None:
+    network = read_network(_write(tmp_path, "rows.inp", ROWS))
+    with pytest.raises(DeckError, match=r"has no 'contact_foot_to_wall_a1', so it is no import of this file"):
+        network.written_back(read_network(sinda).model())

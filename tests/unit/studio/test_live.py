@@ -39,7 +39,7 @@ def test_a_fault_is_an_alarm_that_stays() -> None:
     assert told["advice"] == "declined"
 
 
-@pytest.mark.parametrize(("asked", "words"), [({}, "'air' is not known"), ({"boundaries": "air"}, "not a boundary with its temperature")])
+@pytest.mark.parametrize(("asked", "words"), [({}, "'air' is not known"), ({"boundaries": "air"}, "must be written as PATH=VALUE")])
 def test_what_the_model_lacks_is_stated(asked: dict[str, str], words: str) -> None:
     told = LiveWatch(rig).look(record(900.0), RULE, asked)
     assert words in " ".join([told["because"], *told["assumed"]])

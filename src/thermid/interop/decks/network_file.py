@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -232,6 +233,8 @@ class NetworkFile:
     def written_back(self, model: Model) -> dict[str, str]:
         """Return the texts of the deck with the values of a model: equal but for the numbers that changed.
 
+        `not_written_back` names the changed values that have no number of their own in the files.
+
         Parameters
         ----------
         model : Model   Made by `model` of this file, with other values of its parameters.
@@ -239,25 +242,67 @@ class NetworkFile:
         Returns
         -------
         dict            File -> text; files in which nothing changed are left out.
+
+        Raises
+        ------
+        DeckError       When the model lacks a parameter of this file.
         """
         edits: dict[str, list[tuple[TextSpan, str]]] = {}
-        for span, text in self._edits(model):
+        for span, text in self._edits(model)[0].items():
             edits.setdefault(span.file, []).append((span, text))
         return {file: _edited(self.texts[file], changes, self.tool) for file, changes in edits.items()}
 
-    def _edits(self, model: Model) -> Iterator[tuple[TextSpan, str]]:
-        """Yield the numbers that changed: parameters where they stand, conductors of a group by its factor."""
-        values = ParameterSet(model).evaluate({})
-        for name, (value, span) in self.parameters.items():
-            now = float(values[name])
-            if isinstance(value, int | float) and now != float(value):
-                yield span, f"{now:.7g}"
-        factors = {name: float(values[name]) for name in self.groups()}
+    def not_written_back(self, model: Model) -> tuple[str, ...]:
+        """Return the paths of values of a model that differ from the deck's and that `written_back` cannot write; raises as that does."""
+        return self._edits(model)[1]
+
+    def _edits(self, model: Model) -> tuple[dict[TextSpan, str], tuple[str, ...]]:
+        """Return the numbers that changed where they stand, and the paths of changed values that have no number of their own."""
+        now = ParameterSet(model).evaluate({})
+        numbers = {name: float(value) for name, (value, _) in self.parameters.items() if isinstance(value, int | float)}
+        lacking = sorted({*numbers, *self.groups()} - now.keys())
+        if lacking:
+            raise DeckError(f"the deck has no '{lacking[0]}', so it is no import of this file. Import it again.", self.title)
+        named = {name: float(now[name]) for name in (*numbers, *self.groups())}
+        before = ParameterSet(self.model()).evaluate(named)  # what the files state with the changed parameters and groups
+        changed = {p for p in before.keys() | now.keys() if not _same(now.get(p, math.nan), before.get(p, math.nan))}
+        out = {self.parameters[n][1]: f"{named[n]:.7g}" for n, value in numbers.items() if not _same(named[n], value)}
+        places: dict[TextSpan, dict[str, float]] = {}  # a row that makes several conductors has one number for all of them
+        for path, span, group in self._places():
+            factor = named[group] if group else 1.0
+            ratio = now.get(path, math.nan) / before[path] if path in changed and before[path] else 1.0
+            places.setdefault(span, {})[path] = ratio * factor
+        for span, ratios in places.items():
+            ratio = next(iter(ratios.values()))
+            text = self.texts[span.file][span.begin : span.end]
+            if all(_same(ratio, each) for each in ratios.values()) and _scales(text):
+                changed -= {p for p in ratios if before[p]}
+                if not _same(ratio, 1.0):
+                    out[span] = _times(text, ratio)
+            else:
+                changed |= {p for p, each in ratios.items() if not _same(each, 1.0)}
+        return out, tuple(sorted(changed))
+
+    def _places(self) -> Iterator[tuple[str, TextSpan, str]]:
+        """Yield the values that stand in the files as a number or expression: path, place, group."""
         for each in self.conductors:
-            factor = factors.get(each.group, 1.0)
-            if factor != 1.0:
-                number = self.texts[each.where.file][each.where.begin : each.where.end]
-                yield each.where, _times(number, factor)
+            yield f"{each.name}.{SCALED[each.table['kind']]}", each.where, each.group
+        for node in self.nodes:
+            if isinstance(node.capacitance, float | str):
+                yield f"{node.path}.capacitance", node.where, ""
+        for load in self.loads:
+            if load.course is None and not load.more:
+                yield f"{load.name}.power", load.where, ""
+
+
+def _same(a: float, b: float) -> bool:
+    """Return whether two values are one number written twice."""
+    return math.isclose(a, b, rel_tol=1e-9)
+
+
+def _scales(text: str) -> bool:
+    """Return whether a factor can stand beside a text of a file: a number, or an expression without an array or a list."""
+    return re.fullmatch(r"[\w.+\-*/() ]+", text) is not None and re.fullmatch(r"\s*S?A\d+\s*", text, re.IGNORECASE) is None
 
 
 SCALED: Final = {"conduction": "conductance", "radiation": "area", "table": "scale", "flow": "mass_flow"}

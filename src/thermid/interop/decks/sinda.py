@@ -372,7 +372,7 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
     for k in range(0, len(pairs), 2):
         (a, minus_a), (b, minus_b) = _end(pairs[k][0], submodel), _end(pairs[k + 1][0], submodel)
         name = f"{submodel}_{'R' if number < 0 else 'G'}{abs(number)}" + (f"_{k // 2 + 1}" if len(pairs) > 2 else "")
-        where = values[0][1]
+        where = values[-1][1]  # of an array and its factor: the factor
         if minus_a or minus_b:
             if kind or number < 0 or (minus_a and minus_b):
                 deck.reading.remark(line.where, f"{name} is one-way, and not a plain number of W/K: '{line.text.strip()}'")

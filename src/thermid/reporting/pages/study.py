@@ -93,7 +93,7 @@ def study_report(
     shown = sheets.shortened(whole)
     if audience == "summary":
         shown = [Section.of("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
-    failed = [v for v in campaign.verdicts if not v.passed]
+    outcomes = [v.passed for v in campaign.verdicts]
     return write_page(
         "study.html.jinja",
         to,
@@ -102,8 +102,9 @@ def study_report(
         watermark=watermark,
         headline="",
         banners=banners,
-        failed=len(failed),
-        judged=len(campaign.verdicts),
+        failed=outcomes.count(False),
+        undecided=outcomes.count(None),
+        judged=len(outcomes),
         summary="on hold-out records" if campaign.verdicts else "no hold-out record",
         front=front(campaign),
         outcome=outcome,
