@@ -764,8 +764,8 @@ def _as_they_are_worth(request: Request, problem: Problem, found: Fit, progress:
     problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))
     again = minimise(problem, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
     said = (
-        f"weights = 'effective': each reading weighs as {short(share)} of an independent one, the effective sample size of residuals that "
-        "wander. Priors and local values count for more than with all readings"
+        f"weights = 'effective': each reading weighs as {short(share)} of an independent one, the effective sample size of autocorrelated "
+        "residuals. Priors and local values count for more than with all readings"
     )
     count = found.evaluations + again.evaluations
     return problem, replace(again, evaluations=count, search=found.search, remarks=(*found.remarks, said))
