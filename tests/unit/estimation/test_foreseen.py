@@ -119,6 +119,26 @@ def test_a_walk_that_is_not_there_takes_no_likelihood() -> None:
     assert one_value(quiet, {"out": "1e-3 [K/s^0.5]"}, out="1 [K]").assumed == ()
 
 
+def test_a_boundary_that_is_looked_for_walks_from_there() -> None:
+    """Its level has a prior of its own; a second one of 10 K beside it would undo that."""
+    case = drawn(replace(TRUTH, sigma_w=1e-9), 4, 60, noise_known=True)
+    bare = case.record.select("indoor")
+    scenario = case.scenario.with_(boundaries={"out": "15 [degC]"})
+    done = td.inference.estimate(
+        house(case.truth.values),
+        bare,
+        ["Ro"],
+        process_noise={"out": "1e-3 [K/s^0.5]"},
+        scenario=scenario,
+        local={"out": {"start": "15 [degC]", "sd": "0.2 [K]"}},
+    )
+    assert done.assumed == ()
+    dynamics = done.process.likelihood.dynamics[0]
+    assert dynamics.level_sd(done.process.likelihood.noises[0]) == 0.0
+    added, sd = done.states()["added to out"]
+    assert (added[0], sd[0]) == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
+
+
 def test_noise_stated_too_small_widens_errors() -> None:
     """Readings scatter five times as much as stated: the error is that of the noise that is there."""
     case = drawn(replace(TRUTH, sigma_w=1e-9, sigma_v=0.1), 6, 120)
@@ -172,3 +192,14 @@ def test_a_noise_that_forgets_in_one_line(text: str, size: float, time: float, f
 def test_a_line_that_is_no_noise(text: str) -> None:
     with pytest.raises(ThermidError):
         read_process({"lid": text}, compile_network(rack()), "t")
+
+
+def test_noise_of_a_logged_boundary_is_said_not_to_count() -> None:
+    case = drawn(TRUTH, 2, 60, noise_known=True)
+    out = case.record["out"].values
+    noisy = case.record.with_channels(Channel.of("out", out, role="boundary", target="out", noise=0.4))
+    held = {"wall": "1.5e-3 [K/s^0.5]"}
+    done = one_value(replace(case, record=noisy), held)
+    (words,) = done.assumed
+    assert words == "logged boundaries and powers are exact: the noise of 'out' (0.4 K) is not counted. `calibrate` counts it"
+    assert one_value(replace(case, record=noisy), {"out": "1e-3 [K/s^0.5]"}, out="0 [K]").assumed == ()
