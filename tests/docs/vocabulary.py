@@ -189,7 +189,7 @@ def by_heading() -> dict[str, Names]:
         "Steady point": _model(campaign_schema.SteadyTable, {"start": "s", "end": "s", "tau": "s", "limit": "K/s"}),
         "Inheritance": _model(campaign_schema.InheritTable),
         "Reading": _model(campaign_schema.ReadingTable),
-        "Course of a power": _model(campaign_schema.CourseTable, {"power": "W"}),
+        "Course of a power": _model(campaign_schema.CourseTable, {"power": "W", "begin": "s"}),
         "Local value": _model(campaign_schema.LocalTable, LOCAL_UNITS),
         "Prior": _model(campaign_schema.PriorTable, CAMPAIGN_UNITS),
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),

@@ -96,11 +96,12 @@ class SteadyTable(StrictTable):
 
 
 class CourseTable(StrictTable):
-    """A power that no log gives, from the beginning of each record on: its shape and time are fitted with the stage."""
+    """A power that no log gives, from some time after the beginning of each record: its shape and time are fitted with the stage."""
 
     into: str
     shape: Literal["auto", "step", "ramp", "decay"] = "auto"
     power: str = "1 [W]"
+    begin: str = "0 [s]"
 
 
 class StageTable(StrictTable):
@@ -128,6 +129,7 @@ class StageTable(StrictTable):
     untie: bool | list[str] = False
     window: str = "0 [s]"
     adequate: str = ""
+    doubts: bool = False
     note: str = ""
 
     def with_spreads(self, spreads: Mapping[str, str]) -> dict[str, PriorTable | Literal["range"]]:

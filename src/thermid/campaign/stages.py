@@ -84,6 +84,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         readings=readings_of(stage.readings),
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
         accepted=stage.name in source.accepted,
+        doubts=stage.doubts,
     )
     return with_courses(asked, stage, where)
 
@@ -101,7 +102,9 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
                 f"'{name}' is a load of the deck. Give the course another name; it adds to the load.", f"{where}.courses.{name}"
             )
         shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
-        course = recovered(request, name, table.into, shapes=shapes, power=literal(table.power, "W", f"{where}.courses.{name}.power"))
+        power = literal(table.power, "W", f"{where}.courses.{name}.power")
+        begin = literal(table.begin, "s", f"{where}.courses.{name}.begin")
+        course = recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
         request = course.within(request)
         error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
         said = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"

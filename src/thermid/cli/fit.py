@@ -53,6 +53,7 @@ from thermid.fit.problem.request import LocalSpec
 from thermid.model.laws.signal import literal
 from thermid.monte_carlo.hold import load_hold
 from thermid.prediction import predict as prediction
+from thermid.prediction.conformal import second_opinion
 from thermid.prediction.records import predict_record
 from thermid.reporting.blocks.extras import tables_folder
 from thermid.reporting.blocks.numbering import check_audience
@@ -156,13 +157,19 @@ def identify(
 def estimate(
     campaign: CampaignPath,
     noise: Annotated[
-        list[str], typer.Option("--noise", help="What drives the model: wall=free, or wall='2e-3 [K/s^0.5]'; a node, load or boundary.")
+        list[str],
+        typer.Option(
+            "--noise",
+            help="What drives a node, load or boundary: wall=free, wall='2e-3 [K/s^0.5]', or heater='free over 20 [min]', which forgets "
+            "after that time.",
+        ),
     ],
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
     start: Annotated[list[str], typer.Option("--start-sd", help="NODE=DEVIATION of a start, such as wall='0.1 [K]'.")] = [],  # noqa: B006
     horizon: Annotated[
         str, typer.Option("--horizon", help="Over which left-out readings are foreseen; a fifth of the log by default.")
     ] = "",
+    scenario: ScenarioPath = None,
     data: Data = None,
     results: Results = None,
     verbose: Whole = False,
@@ -170,12 +177,19 @@ def estimate(
 ) -> None:
     """Fit a stage with process noise and compare its forecasts.
 
-    Process noise and output error are compared on left-out readings over a horizon. Exit code 1 if the search did not converge.
+    Process noise and output error are compared on left-out readings over a horizon; --scenario predicts a run by both, with the noise in
+    its bands. Exit code 1 if the search did not converge.
     """
+    conditions = load_scenario(scenario) if scenario is not None else None
     result = staged(campaign, data, results)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
-    say(as_json, found.as_object(), found, verbose)
+    said, lines = found.as_object(), [str(found)]
+    if conditions is not None:
+        runs = {e.name: found.predict(conditions, by=e.name) for e in (found.chosen, found.process, found.output)}
+        lines += [f"prediction by {n}:\n{run}" for n, run in runs.items()]
+        said |= {"predictions": {n: run.as_object() for n, run in runs.items()}}
+    say(as_json, said, "\n".join(lines), verbose)
     raise SystemExit(0 if found.chosen.maximum.converged else 1)
 
 
@@ -309,7 +323,14 @@ def _predict_records(
         lines.append(
             f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
         )
-    say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines), verbose)
+    fresh = [t for t in scores if t.record not in fit.records]
+    opinion = second_opinion(fresh)
+    if len(fresh) < len(scores):
+        lines.append(f"fitted by the stage itself: {', '.join(t.record for t in scores if t.record in fit.records)}")
+    if opinion is not None:
+        lines.append(str(opinion))
+    said = {"records": [t.to_dict() for t in scores], "second_opinion": opinion.to_dict() if opinion is not None else None}
+    say(as_json, {"stage": name, **said}, "\n".join(lines), verbose)
     leave(fit.standing)
 
 

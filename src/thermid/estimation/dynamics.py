@@ -92,6 +92,7 @@ class Dynamics:
         self.nodes = self.engine.nodes
         added = [p for p in self.noises if p.has_state]
         self.states = (*(self.nodes[k] for k in self.massive), *(p.state for p in added))
+        self.units = (*("degC" for _ in self.massive), *("K" if p.place == "boundary" else "W" for p in added))
         self.size = len(self.states)
         self._added = {p.target: self.massive.size + k for k, p in enumerate(added)}
         self.linear = self._is_linear()
@@ -116,6 +117,14 @@ class Dynamics:
                 "bind it to the load.",
                 where,
             )
+        flat = self.wiring.network.flat
+        for name in self.wiring.network.controls:
+            if flat.controls[name].has_history:
+                raise IdentificationError(
+                    f"the state of the control '{name}' depends on its history, which a filter does not have. Log the power or the state "
+                    "that it sets, and bind it; or use a table or a proportional control.",
+                    where,
+                )
         if self.wiring.network.stores:
             node = next(iter(self.wiring.network.stores))
             raise IdentificationError(
@@ -371,8 +380,13 @@ class Dynamics:
         for k, p in enumerate(self.noises):
             if p.has_state:
                 row = self._added[p.target]
-                sd[row] = at.sizes[k] if np.isfinite(at.times[k]) else self.start_sd.get(p.target, WIDE if p.place == "boundary" else 0.0)
+                sd[row] = at.sizes[k] if np.isfinite(at.times[k]) else self.level_sd(p)
         return mean, sd
+
+    def level_sd(self, noise: ProcessNoise) -> float:
+        """Return the standard deviation of where a random walk begins: unknown for a boundary that is not looked for itself. [K], [W]"""
+        known = noise.place != "boundary" or noise.target in self.bench.free
+        return self.start_sd.get(noise.target, 0.0 if known else WIDE)
 
     def _start_sd(self, node: str) -> float:
         """Return the standard deviation of a node's start. [K]"""

@@ -11,19 +11,20 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.arguments import takes_objects
-from thermid.errors import IdentificationError, nearest
-from thermid.estimation.dynamics import Dynamics
+from thermid.errors import IdentificationError
+from thermid.estimation.dynamics import WIDE
 from thermid.estimation.estimation import OUTPUT, PROCESS, Estimation, Estimator, Found, whiteness_of
-from thermid.estimation.likelihood import READING, Likelihood, Maximum
-from thermid.estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks
+from thermid.estimation.likelihood import Likelihood, Maximum, likelihood_of
+from thermid.estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks, starts_sd
 from thermid.estimation.process import ProcessNoise, read_process
+from thermid.fit.calibrate import differing
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, priors_of
-from thermid.fit.problem.residuals import Problem, Unknown
+from thermid.fit.problem.residuals import Problem
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure import Record
-from thermid.measure.amounts import duration_text
+from thermid.measure.amounts import duration_text, short
 from thermid.model.laws.signal import literal
 from thermid.model.tree.model import Model
 from thermid.simulation.scenarios.scenario import Scenario
@@ -33,8 +34,8 @@ KEPT: Final = 0.6
 """Part of every record that is fitted where the rest is left out to be foreseen."""
 LEAST: Final = 0.3
 """The same at least, for a long horizon."""
-FLOOR, CEILING = 1e-7, 1e4
-"""Bounds of a size that is looked for, over where the search begins."""
+UNSEEN: Final = 3.0
+"""Standard error of the logarithm of a size from which nothing of that noise is seen."""
 MOVED: Final = 2.0
 """Errors by which a value may move as the noise goes to zero before it is named."""
 
@@ -96,7 +97,7 @@ def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str
     refuse_unseen(request.model, "a filter")
     problem = build_problem(request)
     noises = read_process(given, problem.experiments[0].network, request.name)
-    starts = _starts(problem, start_sd, noises, request.name)
+    starts = starts_sd(problem, start_sd, noises, request.name)
     spans = [float(e.times[-1]) for e in problem.experiments]
     ahead = literal(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
     if not 0.0 < ahead <= (1.0 - LEAST) * min(spans):
@@ -109,60 +110,42 @@ def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str
     earlier = replace(request, records=tuple(_before(r, t) for r, t in zip(request.records, split, strict=True)))
     train = build_problem(earlier)
     found = {}
-    for kind, own in ((OUTPUT, ()), (PROCESS, noises)):
+    # without its noise a walk is a constant that nobody knows: output error is process noise with every size at zero
+    still = tuple(replace(p, size=0.0, free=False) for p in noises if p.walks)
+    for kind, own in ((OUTPUT, still), (PROCESS, noises)):
         full = likelihood_of(problem, own, starts)
         maximum = full.maximise(full.start)
         part = likelihood_of(train, own, starts)
         before = part.maximise(maximum.fitted, observed=False)
         left = _foreseen(full, before, split, spans, ahead)
         found[kind] = _estimator(kind, request, full, maximum, left)
-    return _compared(request, found[PROCESS], found[OUTPUT], ahead)
+    levels = tuple(
+        f"what is added to {p.target} is unknown at the start to +- {WIDE:g} K, and stays constant in output error"
+        for p in still
+        if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
+    )
+    return _compared(request, found[PROCESS], found[OUTPUT], ahead, ((*levels, *_exact(problem, noises)), starts, differing(problem)))
+
+
+def _exact(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:
+    """Return in words which noise of logged boundaries and powers is not counted, but for those that a process noise drives."""
+    driven = {p.target for p in noises}
+    sizes: dict[str, float] = {}
+    for e in problem.experiments:
+        for path, n in e.noisy.items():
+            if path not in driven:
+                sizes[path] = max(float(np.hypot(n.white, n.step / 12.0**0.5)), sizes.get(path, 0.0))
+    if not sizes:
+        return []
+    boundaries = problem.experiments[0].network.boundaries
+    named = ", ".join(f"'{p}' ({short(size)} {'K' if p in boundaries else 'W'})" for p, size in sizes.items())
+    return [f"logged boundaries and powers are exact: the noise of {named} is not counted. `calibrate` counts it"]
 
 
 def _before(record: Record, seconds: float) -> Record:
     """Return the first part of a record."""
     begin = float(record.times[0])
     return record.trim(begin, begin + seconds)
-
-
-def _starts(problem: Problem, given: Mapping[str, str], noises: Sequence[ProcessNoise], where: str) -> dict[str, float]:
-    """Return node or boundary -> standard deviation of its start. [K]"""
-    network, out = problem.experiments[0].network, {}
-    walks = [p.target for p in noises if p.place == "boundary"]
-    for raw, text in given.items():
-        path = network.find(raw, f"{where}, start_sd")
-        if path not in network.nodes and path not in walks:
-            raise IdentificationError(
-                f"'{raw}' is a boundary without noise, so its start is given.{nearest(raw, network.nodes)}", f"{where}, start_sd"
-            )
-        value = literal(text, "K", f"{where}, start_sd.{raw}")
-        if not (np.isfinite(value) and value >= 0.0):
-            raise IdentificationError(f"a standard deviation of {text} is not possible. Give zero or more.", f"{where}, start_sd.{raw}")
-        out[path] = value
-    return out
-
-
-def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
-    """Return the likelihood of a problem's records with noises on its model."""
-    dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
-    seen = {o.sensor: o for e in problem.experiments for o in e.observations}
-    stated = {s: o.noise for s, o in seen.items() if o.noise is not None}
-    unknowns: list[Unknown] = list(problem.unknowns)
-    for p in noises:
-        if p.free:
-            unknowns.append(_size(f"noise of {p.target}", p.size, p.unit))
-        if p.free_time:
-            unknowns.append(_size(f"noise time of {p.target}", p.time, "s"))
-    for sensor, o in seen.items():
-        if sensor not in stated:
-            steps = np.diff(o.measured)
-            guess = max(float(np.median(np.abs(steps))) if steps.size else 0.0, 1e-3)
-            unknowns.append(_size(READING + sensor, guess, "K"))
-    return Likelihood(problem, dynamics, tuple(noises), tuple(unknowns), stated)
-
-
-def _size(name: str, start: float, unit: str) -> Unknown:
-    return Unknown(name, "noise", (), start, True, FLOOR * start, CEILING * start, None, unit)
 
 
 def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:
@@ -184,14 +167,25 @@ def _whole(full: Likelihood, maximum: Maximum) -> float:
 
 
 def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, left: OpenLoopScore) -> Estimator:
+    white = whiteness_of(full, maximum.fitted)
+    widened = max((w.widening for w in white), default=1.0)
+    if widened > 1.0:
+        maximum = _widened(full, maximum, widened)
     errors = maximum.errors()
     found = {}
     for u, fitted, error in zip(full.unknowns, maximum.fitted, errors, strict=True):
         found[u.name] = Found(
             u.name, u.to_value(float(fitted)), float(error) * u.slope(float(fitted)), "degC" if u.unit == "degC" else u.unit
         )
-    white = whiteness_of(full, maximum.fitted)
-    return Estimator(name, full, maximum, _values(request, full, maximum, errors), found, left, _whole(full, maximum), white)
+    values = _values(request, full, maximum, errors)
+    return Estimator(name, full, maximum, values, found, left, _whole(full, maximum), white, widened)
+
+
+def _widened(full: Likelihood, maximum: Maximum, factor: float) -> Maximum:
+    """Return a maximum whose readings say less by the square of a factor; priors say what they said."""
+    slopes = full.priors(maximum.fitted)[1]
+    known = slopes.T @ slopes
+    return replace(maximum, information=(maximum.information - known) / factor**2 + known)
 
 
 def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array) -> FittedValues:
@@ -215,7 +209,13 @@ def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array)
     return FittedValues(request.name, items, covariance[np.ix_(kept, kept)], provenance)
 
 
-def _compared(request: Request, process: Estimator, output: Estimator, ahead: float) -> Estimation:
+def _compared(
+    request: Request,
+    process: Estimator,
+    output: Estimator,
+    ahead: float,
+    given: tuple[tuple[str, ...], Mapping[str, float], list[str]],
+) -> Estimation:
     from scipy.special import gammaincc
 
     ratio = 2.0 * (process.log_likelihood - output.log_likelihood)
@@ -234,7 +234,9 @@ def _compared(request: Request, process: Estimator, output: Estimator, ahead: fl
     for k, u in enumerate(process.likelihood.unknowns):
         if u.kind != "noise" and abs(process.maximum.fitted[k] - output.maximum.fitted[place[u.name]]) > MOVED * errors[k]:
             moved.append(u.name)
-    return Estimation(request.name, request.model, process, output, ahead, ratio, p, tuple(moved), _warnings(process, output, moved))
+    assumed, starts, remarks = given
+    warnings = (*_warnings(process, output, moved), *remarks)
+    return Estimation(request.name, request.model, process, output, ahead, ratio, p, tuple(moved), warnings, assumed, request, starts)
 
 
 def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tuple[str, ...]:
@@ -254,17 +256,23 @@ def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tu
             for f in e.found.values()
             if not np.isfinite(f.error)
         ]
+    errors = process.maximum.errors()
     for k, u in enumerate(process.likelihood.unknowns):
         low, high = u.fitted_bounds()
         end = process.maximum.fitted[k]
-        if u.name.startswith("noise of") and end - low < 3.0:
+        if u.name.startswith("noise of") and (end - low < 3.0 or UNSEEN < errors[k] / process.widened < np.inf):
             out.append(f"'{u.name}' went to zero, so the logs show no such noise. Remove it")
         elif np.isfinite(low + high) and min(end - low, high - end) < 1e-4:
             out.append(f"'{u.name}' ended at a bound, so its error is not meaningful. Widen the bound")
-    out += [
-        f"{process.name}: innovations of {w.sensor} are not white, so the errors are too small. Add process noise at another "
-        "node, or look for missing physics"
-        for w in process.white
-        if not w.white
-    ]
+    for w in process.white:
+        if w.loud:
+            out.append(
+                f"{process.name}: innovations of {w.sensor} are {short(w.size)} times the stated noise, so the errors were widened. Check "
+                "the noise, or look for missing physics"
+            )
+        if not w.white:
+            out.append(
+                f"{process.name}: innovations of {w.sensor} are not white, so the errors were widened. Add process noise at another "
+                "node, or look for missing physics"
+            )
     return tuple(out)

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from thermid.errors import IdentificationError, refuse_unknown
 from thermid.estimation.filtering import Belief, Whiteness, chance, smoothed, whiteness
 from thermid.estimation.likelihood import Likelihood, Maximum
-from thermid.estimation.outlook import OpenLoopScore, members_about
+from thermid.estimation.outlook import INSIDE, OpenLoopScore, course, members_about, unread
+from thermid.fit.problem.request import Request
 from thermid.knowledge.values import FittedValues
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure.amounts import duration_text, short
 from thermid.model.tree.model import Model
 from thermid.results import Result
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import from_si
 
 PROCESS, OUTPUT = "process noise", "output error"
-ICE = 273.15
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ class Estimator:
     left_out : OpenLoopScore        How it foresaw readings that were not fitted, over the horizon.
     whole : float               RMSE of a run from the start of every record, without its later readings; in the fit's own logs. [K]
     white : tuple               Of each sensor of each record.
+    widened : float             How much wider than the likelihood's the errors are, because innovations are not white or larger than the
+                                stated noise. [-]
     """
 
     name: str
@@ -68,6 +72,7 @@ class Estimator:
     left_out: OpenLoopScore | None
     whole: float
     white: tuple[Whiteness, ...]
+    widened: float = 1.0
 
     @property
     def log_likelihood(self) -> float:
@@ -82,6 +87,8 @@ class Estimator:
             else f"{short(self.left_out.rmse)} K ({100 * self.left_out.inside:.0f} % in the 95 % bands) left out; "
         )
         out = [f"{self.name}: open loop {ahead}{short(self.whole)} K from the start; one-step log-likelihood {self.log_likelihood:.2f}"]
+        if self.widened > 1.0:
+            out.append(f"  errors {short(self.widened)} times as wide as the likelihood's, by the size and correlation of the innovations")
         out += [f"  {one}" for one in self.found.values()]
         return out + [f"  {w}" for w in self.white]
 
@@ -95,17 +102,42 @@ class States:
     names : tuple of str            Nodes with heat capacity, and what noises add.
     times : array (times,)          [s]
     mean, sd : array (times, states)    [K; W of what is added to a load]
+    units : tuple of str            For people.
     """
 
     names: tuple[str, ...]
     times: Array
     mean: Array
     sd: Array
+    units: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """Return mean and standard deviation (times,) of one."""
         k = self.names.index(name)
         return self.mean[:, k], self.sd[:, k]
+
+    def __str__(self) -> str:
+        """A line each: where it is the highest, and where it ends, with the 95 % bands."""
+        lines = []
+        for k, name in enumerate(self.names):
+            high = int(self.mean[:, k].argmax())
+            peak, end = (f"{self._at(i, k)} after {duration_text(float(self.times[i]))}" for i in (high, -1))
+            lines.append(f"  {name}: highest {peak}, at the end {end}")
+        return "\n".join(lines)
+
+    def _at(self, i: int, k: int) -> str:
+        """Return a state at a time with its 95 % band, in its unit."""
+        return f"{from_si(self.mean[i, k], self.units[k]):.2f} +- {short(INSIDE * self.sd[i, k])} {self.units[k]}"
+
+    def as_object(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        return {
+            "names": list(self.names),
+            "units": [u.replace("degC", "K") for u in self.units],
+            "times_s": self.times.tolist(),
+            "mean": self.mean.tolist(),
+            "sd": self.sd.tolist(),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +154,9 @@ class Estimation(Result):
                                 process noise. [-]
     moved : tuple of str        Values that move by more than two of their errors as the noise goes to zero.
     warnings : tuple of str     What a reader must know.
+    assumed : tuple of str      What nobody stated and was taken.
+    request : Request           What was fitted.
+    starts : dict               Node, or boundary with a random walk -> standard deviation of its start, where stated. [K]
     """
 
     title: str
@@ -133,6 +168,9 @@ class Estimation(Result):
     p_value: float
     moved: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    request: Request | None = field(default=None, repr=False)
+    starts: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     @property
     def chosen(self) -> Estimator:
@@ -170,7 +208,37 @@ class Estimation(Result):
         means = np.array([b.mean for b in beliefs])
         by_values = np.einsum("tus,uc->tsc", means[:, 1 : 1 + count] - means[:, 1 + count :], root)
         variance = np.array([b.variance[0] for b in beliefs]) + np.sum(by_values**2, axis=2)
-        return States(likelihood.dynamics[record].states, kept.times, means[:, 0], np.sqrt(variance))
+        d = likelihood.dynamics[record]
+        return States(d.states, kept.times, means[:, 0], np.sqrt(variance), d.units)
+
+    def predict(
+        self, scenario: Scenario, times: Sequence[float] | Array | None = None, *, start_sd: Mapping[str, str] | None = None, by: str = ""
+    ) -> States:
+        """Return what nodes and noises will do in a scenario, without a reading: the noise is carried, as are the errors of the values.
+
+        Parameters
+        ----------
+        scenario : Scenario     With its start; walks of boundaries begin where the scenario puts the boundary.
+        times : array (times,)  From zero on; 201 of the scenario's duration where nothing is given. [s]
+        start_sd : dict         Node, or boundary with a random walk -> standard deviation of its start; zero where nothing is given. [K]
+        by : str                ``process noise`` or ``output error``; the one that was chosen by default. The bands of output error hold
+                                the errors of the values alone.
+
+        Raises
+        ------
+        ScenarioError   Without a start or a duration, or for times below zero.
+        """
+        estimators = {e.name: e for e in (self.process, self.output)}
+        refuse_unknown([by or self.chosen.name], estimators, self.title, "'{}' is not a way to look at the logs.", IdentificationError)
+        e = estimators[by or self.chosen.name]
+        asked = np.unique(np.append(np.linspace(0.0, scenario.seconds, 201) if times is None else np.asarray(times, dtype=np.float64), 0.0))
+        assert self.request is not None
+        likelihood = unread(self.request, e.likelihood, scenario, asked, start_sd or {})
+        place = {u.name: k for k, u in enumerate(e.likelihood.unknowns)}
+        at = [place[u.name] for u in likelihood.unknowns]
+        mean, variance = course(likelihood, e.maximum.fitted[at], symmetric_inverse(e.maximum.information)[np.ix_(at, at)], asked)
+        d = likelihood.dynamics[0]
+        return States(d.states, asked, mean, np.sqrt(variance), d.units)
 
     def as_object(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
@@ -182,6 +250,7 @@ class Estimation(Result):
             "p_value": self.p_value,
             "moved": list(self.moved),
             "warnings": list(self.warnings),
+            "assumed": list(self.assumed),
             "estimators": {e.name: _as_object(e) for e in (self.process, self.output)},
         }
 
@@ -193,6 +262,7 @@ class Estimation(Result):
             why = f": predicts left-out readings over {duration_text(self.horizon)} to {short(better)} K, the other to {short(worse)} K"
         head = [f"{self.title}: {self.chosen.name}{why}"]
         head += [f"  warning: {w}" for w in self.warnings]
+        head += [f"  assumed: {a}" for a in self.assumed]
         head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, {chance(self.p_value)}; the choice does not use it")
         return "\n".join([*head, *self.process.lines(), *self.output.lines()])
 
@@ -209,6 +279,7 @@ def _as_object(e: Estimator) -> dict[str, Any]:
         "open_loop_from_start_K": e.whole,
         "log_likelihood": e.log_likelihood,
         "converged": e.maximum.converged,
+        "errors_widened": e.widened,
         "errors_by": "observed information" if e.maximum.observed else "expected information",
         "innovations": {w.sensor: {"white": w.white, "p": w.probability, "lag_one": w.lag_one, "size": w.size} for w in e.white},
     }

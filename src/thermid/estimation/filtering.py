@@ -7,6 +7,7 @@ smoother is the square-root form of Rauch, Tung and Striebel (AIAA J. 3 (1965) 1
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -15,6 +16,7 @@ import numpy as np
 
 from thermid.estimation.steps import lower
 from thermid.linear_algebra import Array
+from thermid.measure.record.steadiness import effective_samples
 
 
 class ReadingRow(NamedTuple):
@@ -128,6 +130,8 @@ def _back(leg: FilterStep, later: Belief) -> Belief:
 LAGS: Final = 20
 LEVEL: Final = 0.01
 """Probability below which innovations are not taken as white."""
+LOUD: Final = 3.0
+"""Standard deviations by which the size of innovations may exceed one before it widens errors."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +145,7 @@ class Whiteness:
     lag_one : float         Correlation of neighbours. [-]
     size : float            RMS of the innovations in units of what the filter foresaw; one where noises are right. [-]
     probability : float     Of correlations as large or larger, were they white. [-]
+    effective : float       Independent innovations that would say as much about a mean. [-]
     """
 
     sensor: str
@@ -149,11 +154,22 @@ class Whiteness:
     lag_one: float
     size: float
     probability: float
+    effective: float
 
     @property
     def white(self) -> bool:
         """Whether they pass at one per cent."""
         return self.probability >= LEVEL
+
+    @property
+    def loud(self) -> bool:
+        """Whether they are larger than the stated noise allows."""
+        return self.size > 1.0 + LOUD / math.sqrt(2.0 * self.effective)
+
+    @property
+    def widening(self) -> float:
+        """How much wider than the likelihood's the errors of values are: by size where they are loud, by correlation where not white."""
+        return max(1.0, (self.size if self.loud else 1.0) * (1.0 if self.white else math.sqrt(self.count / self.effective)))
 
     def __str__(self) -> str:
         """On one line."""
@@ -178,4 +194,5 @@ def whiteness(sensor: str, standard: Array, unknowns: int = 0) -> Whiteness:
     r = np.array([float(off[k:] @ off[:-k]) / power if power > 0 else 0.0 for k in range(1, lags + 1)])
     q = n * (n + 2.0) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
     freedom = max(lags - unknowns, 1)
-    return Whiteness(sensor, n, lags, float(r[0]), float(np.sqrt(np.mean(standard**2))), float(gammaincc(0.5 * freedom, 0.5 * q)))
+    size, probability = float(np.sqrt(np.mean(standard**2))), float(gammaincc(0.5 * freedom, 0.5 * q))
+    return Whiteness(sensor, n, lags, float(r[0]), size, probability, effective_samples(standard))

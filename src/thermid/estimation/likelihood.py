@@ -7,7 +7,7 @@ log together; the search is Fisher's scoring, damped (information of e and S: As
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -33,6 +33,8 @@ MOST: Final = 80
 CURVED: Final = 0.1
 """NoisyStep of differences of the gradient, in standard errors."""
 READING: Final = "reading noise of "
+FLOOR, CEILING = 1e-7, 1e4
+"""Bounds of a size that is looked for, over where the search begins."""
 
 
 class LikelihoodScore(NamedTuple):
@@ -195,6 +197,29 @@ class Likelihood:
         size = np.sqrt(np.maximum(np.diag(found), 1e-300))
         positive = bool(np.isfinite(found).all()) and float(np.linalg.eigvalsh(found / np.outer(size, size)).min()) > 1e-6
         return (found, True) if positive else (score.information, False)
+
+
+def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
+    """Return the likelihood of a problem's records with noises on its model."""
+    dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
+    seen = {o.sensor: o for e in problem.experiments for o in e.observations}
+    stated = {s: o.noise for s, o in seen.items() if o.noise is not None}
+    unknowns: list[Unknown] = list(problem.unknowns)
+    for p in noises:
+        if p.free:
+            unknowns.append(_size(f"noise of {p.target}", p.size, p.unit))
+        if p.free_time:
+            unknowns.append(_size(f"noise time of {p.target}", p.time, "s"))
+    for sensor, o in seen.items():
+        if sensor not in stated:
+            steps = np.diff(o.measured)
+            guess = max(float(np.median(np.abs(steps))) if steps.size else 0.0, 1e-3)
+            unknowns.append(_size(READING + sensor, guess, "K"))
+    return Likelihood(problem, dynamics, tuple(noises), tuple(unknowns), stated)
+
+
+def _size(name: str, start: float, unit: str) -> Unknown:
+    return Unknown(name, "noise", (), start, True, FLOOR * start, CEILING * start, None, unit)
 
 
 def _loss(errors: Array, variances: Array) -> Array:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from thermid.estimation.likelihood import DIFFERENCE, Likelihood
+from thermid.errors import IdentificationError, ScenarioError, nearest
+from thermid.estimation.likelihood import DIFFERENCE, Likelihood, likelihood_of
 from thermid.estimation.passing import Pass, Passing
+from thermid.estimation.process import ProcessNoise
+from thermid.fit.problem.gather import build_problem
+from thermid.fit.problem.request import Request
+from thermid.fit.problem.residuals import Problem
 from thermid.linear_algebra import Array
+from thermid.measure import Channel, Record
+from thermid.model.laws.signal import literal
+from thermid.simulation.scenarios.scenario import Scenario
 
 ORIGINS: Final = 8
 """Moments from which a left-out stretch is foreseen, at most."""
@@ -118,6 +127,71 @@ def _by_sensor(likelihood: Likelihood, i: int, rows: list[tuple[int, float, floa
             measured = np.interp(times, experiment.times[o.index], o.measured)
             out.append(OpenLoopTrace(experiment.record.name, o.sensor, times, measured, measured + own[:, 1], own[:, 2]))
     return out
+
+
+def unread(request: Request, fitted: Likelihood, scenario: Scenario, times: Array, start_sd: Mapping[str, str]) -> Likelihood:
+    """Return the likelihood of a scenario that nobody has logged, with the noises of another; its states are known at the start.
+
+    Parameters
+    ----------
+    request : Request       What was fitted.
+    fitted : Likelihood     Of its records.
+    scenario : Scenario     With its start.
+    times : array (times,)  From zero on. [s]
+    start_sd : dict         Node, or boundary with a random walk -> standard deviation of its start. [K]
+
+    Raises
+    ------
+    ScenarioError   Without a start, or for times below zero.
+    """
+    name = f"{request.name}, prediction"
+    if times.size < 2 or times[0] < 0.0:
+        raise ScenarioError("a prediction needs times from zero on. Give times, or a scenario with a duration.", name)
+    node = fitted.dynamics[0].states[0]
+    # a record must read something; what it reads here is never taken
+    blank = Channel.of(node, np.full(times.size, 300.0), role="node", target=node, noise=1.0)
+    record = Record.from_arrays(name, times, {node: blank})
+    asked = replace(
+        request, records=(record,), scenarios={"*": scenario}, local={}, record_local={}, readings={}, weights={}, held_errors={}, name=name
+    )
+    problem = build_problem(asked)
+    if problem.experiments[0].loose:
+        raise ScenarioError("the scenario does not say at which temperature it starts. Add start, or initial temperatures.", name)
+    walks = {p.target: 0.0 for p in fitted.noises if p.walks}
+    return likelihood_of(problem, fitted.noises, walks | starts_sd(problem, start_sd, fitted.noises, name))
+
+
+def starts_sd(problem: Problem, given: Mapping[str, str], noises: Sequence[ProcessNoise], where: str) -> dict[str, float]:
+    """Return node or boundary -> standard deviation of its start. [K]"""
+    network, out = problem.experiments[0].network, {}
+    walks = [p.target for p in noises if p.walks]
+    for raw, text in given.items():
+        path = network.find(raw, f"{where}, start_sd")
+        if path not in network.nodes and path not in walks:
+            raise IdentificationError(
+                f"'{raw}' is a boundary without noise, so its start is given.{nearest(raw, network.nodes)}", f"{where}, start_sd"
+            )
+        value = literal(text, "K", f"{where}, start_sd.{raw}")
+        if not (np.isfinite(value) and value >= 0.0):
+            raise IdentificationError(f"a standard deviation of {text} is not possible. Give zero or more.", f"{where}, start_sd.{raw}")
+        out[path] = value
+    return out
+
+
+def course(likelihood: Likelihood, fitted: Array, covariance: Array, times: Array) -> tuple[Array, Array]:
+    """Return mean (times, states) and variance of a run that nobody reads, with its noise and a covariance of the values. [SI]"""
+    members, root = members_about(likelihood, fitted, covariance)
+    passing, count = likelihood.passing(0, members), len(fitted)
+    belief = passing.start()
+    means, variances = [belief.mean], [belief.variance[0]]
+    for place in range(passing.dynamics.grid.size - 1):
+        belief, _ = passing.ahead(belief, place)
+        means.append(belief.mean)
+        variances.append(belief.variance[0])
+    at = np.searchsorted(passing.dynamics.grid, times - 1e-9 * max(float(times[-1]), 1.0))
+    every = np.array(means)[at]
+    by_values = np.einsum("tus,uc->tsc", every[:, 1 : 1 + count] - every[:, 1 + count :], root)
+    return every[:, 0], np.array(variances)[at] + np.sum(by_values**2, axis=2)
 
 
 def foresight(found: list[list[OpenLoopTrace]]) -> OpenLoopScore:

@@ -63,6 +63,11 @@ class ProcessNoise:
         return f"unlogged heat into {self.target}" if self.place == "node" else f"added to {self.target}"
 
     @property
+    def walks(self) -> bool:
+        """Whether it is a random walk of what is added to a boundary: its level at the start is a state too."""
+        return self.place == "boundary" and self.kind == WIENER
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of what is looked for: its size, its time."""
         out = [f"noise of {self.target}"] if self.free else []
@@ -74,7 +79,8 @@ def read_process(given: Mapping[str, Any], network: Network, where: str) -> tupl
 
     Parameters
     ----------
-    given : dict        Node, load or boundary -> ``"free"``, a size with its unit (held), or a table with `kind` (``wiener``,
+    given : dict        Node, load or boundary -> ``"free"``, a size with its unit (held), either with ``over`` and a time or ``free``
+                        after it (``"0.5 [W] over 20 [min]"``: it forgets after that time), or a table with `kind` (``wiener``,
                         ``gauss-markov``), `size`, `time` (``"free"`` or a value each) and `start` (of a free size).
     network : Network   The model's.
     where : str         For messages.
@@ -92,7 +98,7 @@ def read_process(given: Mapping[str, Any], network: Network, where: str) -> tupl
 
 
 def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
-    table = dict(given) if isinstance(given, Mapping) else {"size": given}
+    table = dict(given) if isinstance(given, Mapping) else _in_words(given)
     unknown = [k for k in table if k not in KEYS]
     if unknown:
         raise IdentificationError(f"a process noise has {', '.join(KEYS)}, not {unknown[0]}.{nearest(unknown[0], KEYS)}", where)
@@ -110,6 +116,12 @@ def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
     late = table.get("time", FREE)
     time = math.inf if kind == WIENER else _positive(None if late == FREE else late, "s", HOUR, f"{where}, time")
     return ProcessNoise(target, place, kind, size, free, time, kind == MARKOV and late == FREE)
+
+
+def _in_words(given: Any) -> dict[str, Any]:
+    """Return the table that a text stands for: a size, or ``SIZE over TIME``."""
+    size, over, time = str(given).partition(" over ")
+    return {"size": size.strip(), "time": time.strip()} if over else {"size": given}
 
 
 def _positive(given: Any, unit: str, otherwise: float, where: str) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
+from thermid.fit.doubts import SETTLING_PACES
 from thermid.fit.problem.experiment import MEASURED, Experiment, first_reading
 from thermid.fit.problem.request import LocalSpec, Request
 from thermid.fit.problem.residuals import Problem
@@ -23,6 +24,7 @@ from thermid.model.parts.elements import Conductor, HeatLoad, Node
 from thermid.model.parts.parameter import parameter
 from thermid.model.tree.model import Model
 from thermid.network.network import Network, compile_network
+from thermid.power.courses import PowerCourse
 from thermid.simulation.scenarios.scenario import Scenario
 
 GROUPS = {
@@ -47,6 +49,12 @@ NATURAL = (0.2, 6.0)
 Transmission, 3rd ed., chapter 7). [W/(m^2 K^1.25)]"""
 GROWTH = (0.0, 0.02)
 """Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
+ROOM = 293.15
+"""Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
+SETTLES = 0.5
+"""Most that a power may have more when it comes on, as a share of its step. [-]"""
+SLOWER = 10.0
+"""Samples that a power takes to settle, at least. [-]"""
 TIP = 0.1
 """A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
 SMALL = 0.05
@@ -200,6 +208,7 @@ class MissingElement:
     chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
     bends : bool        Whether its heat is not in proportion to differences of temperature, so that it acts otherwise at other powers.
     delay : float       How much later than logged it lets powers and commands act. [s]
+    of_power : bool     Whether it is a course of a power: over time, or over temperature.
     """
 
     name: str
@@ -212,6 +221,7 @@ class MissingElement:
     chosen: int = 0
     bends: bool = False
     delay: float = 0.0
+    of_power: bool = False
 
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one."""
@@ -228,7 +238,8 @@ class MissingElement:
         nodes, additive = self.nodes + other.nodes, self.additive and other.additive
         name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
         bends, delay = self.bends or other.bends, self.delay + other.delay
-        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, bends, delay)
+        of_power = self.of_power or other.of_power
+        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, bends, delay, of_power)
 
 
 @dataclass(frozen=True)
@@ -330,6 +341,7 @@ def changes_of(seen: Fitted) -> Iterator[MissingElement]:
             if place.load in seen.request.model.loads:
                 yield _source(seen.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
             yield _one_way(seen.request, place, place.boundary, f"'{place.boundary}'")
+        yield from _settling(seen, place)
     network = seen.experiments[0].network
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for a, b in itertools.combinations(places, 2):
@@ -360,8 +372,8 @@ def _at_a_place(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
     if place.boundary:
         yield _steeper(request, place)
         yield _radiation(request, place)
-    if place.load:
-        yield _growing(request, place)
+    if place.load and _may_grow(request, place.load):
+        yield _growing(seen, place)
 
 
 def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
@@ -371,7 +383,7 @@ def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
         ("a lag of every sensor", _lag, [p for p in places if p.channels]),
         ("radiation of every part", _radiation, [p for p in places if p.boundary]),
         ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper, [p for p in places if p.boundary]),
-        ("powers that grow with temperature", _growing, [p for p in places if p.load]),
+        ("powers that grow with temperature", lambda _, p: _growing(seen, p), [p for p in places if p.load and _may_grow(request, p.load)]),
     )
     for name, change, at in kinds:
         if len(at) > 1:
@@ -396,7 +408,7 @@ def _places(seen: Fitted, hidden: bool = False) -> list[_Place]:
     for row in numbers.conductors:
         for a, b in (row.ends[:2], row.ends[1::-1]):
             near.setdefault(a, []).append(b)
-    loads = {r.node: r.path for r in flat.loads}
+    loads = {r.node: r.path for r in reversed(flat.loads)}  # the first one of each node: the deck's own, before what a search added
     watts = {row.name: float(value_of(row.coefficients[0])) for row in numbers.loads}
     skins = [c for c in flat.conductors if c.kind in ("convection", "effective") and "area" in c.fields]
     strength = _strengths(numbers.conductors)
@@ -711,7 +723,104 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
     return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True, bends=True)
 
 
-def _growing(request: Request, place: _Place) -> MissingElement:
+def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
+    """Yield a power that has more when it comes on and settles, at several time constants; none where records differ in when it does."""
+    found = first_step(seen.experiments, place.load) if place.load else None
+    if found is None or f"{_word(place.load)}_settling" in seen.request.model.loads:
+        return
+    begin, power = found
+    name = _free_name(seen.request, f"{_word(place.load)}_settling")
+    rest = min(float(e.scenario.seconds) for e in seen.experiments) - begin
+    slow = SLOWER * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
+    for share in (s for s in SETTLING_PACES if s * rest >= slow):
+        course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
+
+        def make(request: Request, course: PowerCourse = course) -> Request:
+            return course.within(replace(request, model=laid_open(request.model)))
+
+        def judge(found: Any, course: PowerCourse = course) -> tuple[str, bool]:
+            more = found[f"{course.name}.power"].value
+            return f"{course.words(more)}, {short(100 * more / power)} % of its step", more <= SETTLES * power
+
+        yield MissingElement(
+            f"a power of '{place.load}' that settles", make(seen.request), judge, make, additive=True, chosen=1, of_power=True
+        )
+
+
+def first_step(experiments: Sequence[Experiment], load: str) -> tuple[float, float] | None:
+    """Return when a power comes on in all records [s], and its step [W]; None where it never does, or not at one time in all of them."""
+    found = [_comes_on(e, load) for e in experiments]
+    if any(f is None for f in found):
+        return None
+    begins, powers = zip(*(f for f in found if f is not None), strict=True)
+    if np.ptp(begins) > 2.0 * max(e.record.step for e in experiments):
+        return None
+    return float(np.median(begins)), float(np.median(powers))
+
+
+def _may_grow(request: Request, load: str) -> bool:
+    """Whether nothing says yet how a power goes with temperature."""
+    return load not in request.model.loads or "temperature_coefficient" not in request.model.loads[load].fields
+
+
+def _logged(request: Request, load: str) -> bool:
+    """Whether every record logs a power that nothing else is said of, so that the log can stand for what it has when cold."""
+    given = request.model.loads.get(load)
+    if given is None or set(given.fields) != {"power"} or given.curve is not None or given.cycle is not None:
+        return False
+    own = [[c for c in r.channels.values() if c.role == "load" and c.target == load] for r in request.records]
+    return all(len(several) == 1 and not (several[0].gain or several[0].accuracy or several[0].common) for several in own)
+
+
+def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
+    """A power that is the logged one at the first reading, and more of it the warmer its node is."""
+    load, free = place.load, f"{place.load}.temperature_coefficient"
+    first = [float(o.measured[0]) for e in seen.experiments for o in e.observations if o.measured.size and o.seat == place.node]
+    cold = float(np.mean(first)) if first else ROOM
+    fields = {
+        "power": parameter("1 [W]", load),
+        "temperature_coefficient": parameter({"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * GROWTH[1]!r} [1/K]"}, load),
+        "reference_temperature": parameter(f"{cold!r} [K]", load),
+    }
+
+    def make(request: Request) -> Request:
+        model: Model = laid_open(request.model)
+        model = replace(model, loads={**model.loads, load: replace(model.loads[load], fields=fields)})
+        records = tuple(
+            r.with_channels(*(replace(c, role="command") for c in r.channels.values() if c.role == "load" and c.target == load))
+            for r in request.records
+        )
+        kept = tuple(p for p in request.free if request.model.canonical(p) != f"{load}.power")
+        title = f"{request.name or model.title} with power that grows"
+        return replace(request, model=model, records=records, free=(*kept, free), name=title)
+
+    def judge(found: Any) -> tuple[str, bool]:
+        growth = found[free].value
+        return f"{short(100 * growth)} % of the power per kelvin", GROWTH[0] <= growth <= GROWTH[1]
+
+    name = f"a power of '{load}' that grows with temperature"
+    return MissingElement(name, make(seen.request), judge, make, additive=True, of_power=True)
+
+
+def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
+    """Return when a power comes on in a record [s], and its step [W]; None where it never does, or a command makes it."""
+    if load in e.scenario.gains:
+        return None
+    power = float(e.network.flat.parameters.evaluate({}).get(f"{load}.power", 0.0))
+    given, scale = e.scenario.loads.get(load), 1.0
+    if load in e.scenario.commands:
+        given, scale = e.scenario.commands[load], power
+    if given is None:
+        return (0.0, power) if power > 0.0 else None
+    watts = scale * np.asarray(given.at(e.times))
+    high = float(watts.max())
+    return (float(e.times[np.argmax(watts > 0.5 * high)]), high) if high > 0.0 else None
+
+
+def _growing(seen: Fitted, place: _Place) -> MissingElement:
+    if _logged(seen.request, place.load):
+        return _growing_as_logged(seen, place)
+    request = seen.request
     name = _free_name(request, f"{place.word}_growing_power")
     start = max(1e-3 * abs(place.power), 1e-5)
     # P (1 + 1/K (T - T_ref)), with T_ref one kelvin above 20 degC, is P/K (T - 20 degC)
@@ -728,4 +837,6 @@ def _growing(request: Request, place: _Place) -> MissingElement:
         share = growth / abs(place.power) if place.power else float("inf")
         return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
 
-    return MissingElement(f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True)
+    return MissingElement(
+        f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True, of_power=True
+    )

@@ -400,7 +400,7 @@ def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, mo
     before = _rmse(fit)
     try:
         # an element that the readings do not ask for ends where it does nothing, and no search would better that
-        found = refit(replace(missing.request, search="local"))
+        found = refit(replace(missing.request, search="local", doubts=True))
         words, possible = missing.judge(found)
     except ThermidError as error:
         return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)

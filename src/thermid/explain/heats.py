@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from thermid.errors import ThermidError
-from thermid.explain.candidates import MissingElement, laid_open
+from thermid.explain.candidates import MissingElement, first_step, laid_open
 from thermid.explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment
@@ -343,8 +343,10 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     except ThermidError:
         return
     loads = {r.path: r.node for e in fit.problem.experiments for r in e.network.flat.loads}
+    steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
+    begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
     nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
-    started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node)) is not None]
+    started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
     if started:
         yield min(started, key=lambda each: each[0])[1]
     # what begins with the record is a start-up
@@ -364,16 +366,17 @@ def _end(rough: RoughFit, known: Mapping[str, float]) -> RoughEnd | None:
         return None
 
 
-def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tuple[float, MissingElement] | None:
-    """Return the best start-up transient at a node with its cost; None where none can be run."""
-    span = min(float(np.ptp(r.times)) for r in request.records)
+def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin: float) -> tuple[float, MissingElement] | None:
+    """Return the best start-up transient at a node, from when its power comes on [s], with its cost; None where none can be run."""
+    span = min(float(np.ptp(r.times)) for r in request.records) - begin
 
     def cost(course: PowerCourse) -> float:
         end = _end(RoughFit.of(course.within(request), fit), fit.named(base))
         return np.inf if end is None else end.cost
 
     times = np.geomspace(0.015, 0.4, 10) * span
-    best = min((cost(c), k, c) for k, c in enumerate(PowerCourse("start_up", node, s, float(t)) for s, t in product(SHAPES, times)))
+    tried = [PowerCourse("start_up", node, s, float(t), begin=begin) for s, t in product(SHAPES, times)]
+    best = min((cost(c), k, c) for k, c in enumerate(tried))
     width = 0.5 * float(np.log(times[1] / times[0]))
     while width > 0.01:
         others = [replace(best[2], time=best[2].time * float(np.exp(d))) for d in (-width, width)]
@@ -387,7 +390,8 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str) -> tup
         power = told["start_up.power"].value
         return course.words(power), power > 0.0
 
-    kept = f"; to include it write [stages.courses.start_up] with into = '{node}'"
+    after = f" and begin = '{short(begin, 6)} [s]'" if begin > 0.0 else ""
+    kept = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
     return least, MissingElement(
         f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, course.within, chosen=1
     )

@@ -34,6 +34,7 @@ from thermid.model.laws.signal import Constant, TableSignal
 from thermid.model.parts.parameter import exact
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
+from thermid.units import from_si, unit
 
 TIE = 2.0
 """Difference of held-out log-likelihoods below which two structures cannot be separated. [-]"""
@@ -53,6 +54,8 @@ LOOSE = 5.0
 """Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
 NEAR = 0.5
 """How far a logarithm may move when a part of the readings is left out, as a standard deviation. [-]"""
+WIDE = 8.0
+"""So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
 DONE = 3e-3
 """A search of one structure ends at this part of a standard error. [-]"""
 
@@ -454,11 +457,12 @@ class _Searching:
 
 
 def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, int, float]:
-    """Return what the simplest of equals is least in: masses, laws that bend, then held-out likelihood with half a unit for each unknown.
+    """Return what the simplest of equals is least in: masses, laws that bend, then held-out likelihood with half a unit for each number.
 
     A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
     """
-    return one.nodes, sum(c.bends for c in one.changes), 0.5 * len(one.problem.unknowns) - one.held.likelihood(scale)
+    count = len(one.problem.unknowns) + sum(c.chosen for c in one.changes)
+    return one.nodes, sum(c.bends for c in one.changes), 0.5 * count - one.held.likelihood(scale)
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
@@ -658,7 +662,8 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
     """
     experiment = one.problem.experiments[0]
     record = experiment.record
-    watts = {c.target or c.name: float(np.nanmax(c.values)) for c in record.channels.values() if c.role == "load" and c.valid.any()}
+    driven = [c for c in record.channels.values() if c.role in ("load", "command") and c.quantity == "power" and c.valid.any()]
+    watts = {c.target or c.name: float(np.nanmax(c.values)) for c in driven}
     if not any(watts.values()):
         return "To decide, run a test with a known power; this log has none."
     span, step = record.duration, max(record.step, record.duration / SHOWN)
@@ -695,16 +700,55 @@ def _apart(one: FittedStructure, other: FittedStructure, times: Array, loads: Ma
         base = each.problem.experiments[0]
         rest = float(np.mean([o.measured[0] for o in base.observations]))
         boundaries = {b: Constant(rest) for b in base.network.boundaries}
-        scenario = Scenario("test", boundaries=boundaries, loads=dict(loads), start=f"{rest!r} [K]", duration=f"{float(times[-1])!r} [s]")
+        grown = {c.target or c.name for c in base.record.channels.values() if c.role == "command"}
+        given = {"commands": {n: w for n, w in loads.items() if n in grown}, "loads": {n: w for n, w in loads.items() if n not in grown}}
+        length = f"{float(times[-1])!r} [s]"
+        scenario = Scenario("test", boundaries=boundaries, start=f"{rest!r} [K]", duration=length).with_(**given)
         run = simulate(request.model, scenario, times=times)
         readings.append({o.sensor: run[o.node].kelvin / o.sigma(each.problem.noise) for o in base.observations})
     return 0.5 * sum(float(np.sum((readings[0][s] - readings[1][s]) ** 2)) for s in readings[0])
 
 
 def adopted(one: FittedStructure) -> Request:
-    """Return the request of a structure with its model at the fitted values, for a full fit."""
-    shared = {n: v for n, v in one.values.items()}
+    """Return the request of a structure with its model at the fitted values, for a full fit.
+
+    A value that its readings hardly determine gets its bounds as a prior. The errors of a changed structure count what it may lack
+    (`Request.doubts`): readings that asked for one change seldom rule out all others.
+    """
     units = {u.name: u.unit for u in one.problem.unknowns}
-    texts = {n: exact(v, units[n]) for n, v in shared.items()}
+    texts = {n: exact(v, units[n]) for n, v in one.values.items()}
     model = one.request.model.with_values(texts, "structure search")
-    return replace(one.request, model=model)
+    wide = {u.name: _bounds_as_prior(u) for u in _undetermined(one)} if one.changes else {}
+    said = tuple(
+        f"in the proposed structure the readings hardly determine '{n}'. Its bounds stand as a prior: {mean} +- {sd}."
+        for n, (mean, sd) in wide.items()
+    )
+    how = "local" if one.changes and one.request.search == "auto" else one.request.search  # it begins at the end of a descent
+    return replace(
+        one.request,
+        model=model,
+        priors={**one.request.priors, **wide},
+        remarks=(*one.request.remarks, *said),
+        search=how,
+        doubts=bool(one.changes),
+    )
+
+
+def _undetermined(one: FittedStructure) -> list[Unknown]:
+    """Return the parameters without a prior whose errors are a good part of their bounds; a full fit refuses some of them."""
+    errors, out = one.errors(), []
+    known = {one.request.model.canonical(p) for p in one.request.priors}
+    for u in one.problem.unknowns:
+        low, high = u.fitted_bounds()
+        bounded = np.isfinite(high - low) and (not u.log or u.low > 0.0)
+        if u.kind == "parameter" and bounded and u.name not in known and WIDE * errors[u.name] > high - low:
+            out.append(u)
+    return out
+
+
+def _bounds_as_prior(u: Unknown) -> tuple[str, str]:
+    """Return mean and standard deviation of a prior, as texts, whose 95 % are the bounds of an unknown."""
+    low, high = u.fitted_bounds()
+    mean, sd = from_si(u.to_value(0.5 * (low + high)), u.unit), 0.25 * (high - low)
+    own = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
+    return f"{mean:.4g} [{u.unit}]", own

@@ -16,6 +16,7 @@ from thermid.arguments import takes_objects
 from thermid.errors import IdentificationError, SolverError
 from thermid.fit.calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit.discrepancy import with_discrepancy
+from thermid.fit.doubts import with_doubts
 from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit.problem.experiment import UNSAID_NOISE
@@ -45,6 +46,11 @@ from thermid.units import NAMES, counted, unit
 NOISES, OF_RANGE = 3.0, 0.02
 """What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
 autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
+ASIDE, STRAINED = 3.0, 5.0
+"""Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
+one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+SURE = 3.0
+"""Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 REFUTED = 1e-3
 """Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
@@ -58,6 +64,10 @@ def own_standing(
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
     short_of += _missed(request, problem, found, spread) if spread is not None else []
+    far = _far(problem, found)
+    if far and (size := max(far.values())) > STRAINED:
+        name = max(far, key=far.__getitem__)
+        short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
@@ -509,7 +519,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
                 "the prior, and the model."
             )
     out += _strained(problem, found)
-    out += _differing(problem)
+    out += differing(problem)
     out += _taken_as_instants(problem)
     freedom = round(problem.freedom)
     reduced = found.chi_square / max(freedom, 1)
@@ -559,7 +569,7 @@ def _taken_as_instants(problem: Problem) -> list[str]:
     ]
 
 
-def _differing(problem: Problem) -> list[str]:
+def differing(problem: Problem) -> list[str]:
     """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy."""
     out = []
     for e in problem.experiments:
@@ -578,13 +588,16 @@ def _differing(problem: Problem) -> list[str]:
     return out[:1]
 
 
+def _far(problem: Problem, found: Fit) -> dict[str, float]:
+    """Return value of a single record -> how many standard deviations it lies from its prior, of those that lie far."""
+    local = [(k, u.name, u.prior) for k, u in enumerate(problem.unknowns) if u.kind == "local" and u.prior is not None]
+    apart = {name: abs(float(found.fitted[k]) - prior.mean) / prior.sd for k, name, prior in local}
+    return {name: size for name, size in apart.items() if size > ASIDE}
+
+
 def _strained(problem: Problem, found: Fit) -> list[str]:
     """Return one remark on the values of single records that lie far from their priors."""
-    far = {
-        u.name: abs(found.fitted[k] - u.prior.mean) / u.prior.sd
-        for k, u in enumerate(problem.unknowns)
-        if u.kind == "local" and u.prior is not None and abs(found.fitted[k] - u.prior.mean) > 3 * u.prior.sd
-    }
+    far = _far(problem, found)
     if not far:
         return []
     worst = max(far, key=far.__getitem__)
@@ -710,7 +723,16 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
         raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
-    return with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    return with_doubts(made) if request.doubts or _suspect(made, spread) else made
+
+
+def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
+    """Whether the residuals of a fit may refute its structure: larger than the stated noise allows, and some of them wander."""
+    if fit.problem is None or any(o.noise is None for o in fit.problem.observations()):
+        return False
+    slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
+    return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:

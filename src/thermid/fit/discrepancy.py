@@ -572,7 +572,7 @@ class Discrepancy(Result):
         items = {}
         for k, (p, v) in enumerate(values.items()):
             error = float(np.sqrt(covariance[k, k])) * (abs(v.value) if v.log else 1.0)
-            items[p] = replace(v, error=error)
+            items[p] = replace(v, error=max(v.error, error))  # an error that counts other doubts is not made smaller
         return replace(values, items_=items, covariance=covariance)
 
     def __str__(self) -> str:

@@ -24,6 +24,7 @@ from thermid.judge.metrics import Residuals
 from thermid.measure import Record
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.model.tree.model import Model
+from thermid.prediction.conformal import SecondOpinion, second_opinion
 from thermid.prediction.records import RecordPrediction, record_bands, record_request
 from thermid.results import PlottedTrace, Result, Row
 from thermid.simulation.scenarios.scenario import Scenario
@@ -174,7 +175,7 @@ class Verdict(Result):
         for c in self.checks:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
         if self.bands is not None:
-            lines += [*(f"  {line}" for line in self.bands.lines), *(f"  warning: {words}" for words in self.bands.guessed)]
+            lines += [*(f"  {line}" for line in self.bands.lines), *(f"  warning: {words}" for words in self.bands.warnings)]
         return "\n".join(lines)
 
     _frame_of_rows = True
@@ -285,3 +286,13 @@ def compare(model: Model, record: Record, *, scenario: Scenario | None = None, w
     """
     request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, window=window, fit_start=False)
     return fit(request)
+
+
+def second_opinions(verdicts: Sequence[Verdict]) -> dict[str, SecondOpinion]:
+    """Return model -> what its hold-out records alone say of the 95 % bands; models without bands on any are left out."""
+    runs: dict[str, dict[str, RecordPrediction]] = {}
+    for v in verdicts:
+        if v.bands is not None and v.bands.bands:
+            runs.setdefault(v.model, {})[v.record] = v.bands
+    found = {model: second_opinion(list(judged.values())) for model, judged in runs.items()}
+    return {model: opinion for model, opinion in found.items() if opinion is not None}

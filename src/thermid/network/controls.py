@@ -394,8 +394,7 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
     DeckError
     """
     for name in named:
-        control = controls[name].control
-        if control.kind in ("thermostat", "modes", "pid") or control.sample:
+        if controls[name].has_history:
             raise DeckError(
                 f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
                 "control, or simulate."

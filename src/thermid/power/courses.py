@@ -25,6 +25,8 @@ ONE_TURN = "100000 [h]"
 """Period of a cycle that does not come again in any run."""
 POINTS, FADED = 40, 7.0
 """Points of a decay in its table, and how many time constants they reach."""
+SHARP = 1e-3
+"""Part of the time before a course begins in which it comes on. [-]"""
 GRID, TURNS = 9, 9
 """Times that are tried at first, and how often the bracket about the best one is narrowed."""
 Shape = Callable[[float], tuple[Array, Array, bool]]
@@ -66,6 +68,7 @@ class PowerCourse:
     time : float        Its length or time constant. [s]
     power : float       At its beginning, where the fit starts. [W]
     error : float       Standard error of the time, from the profile; infinite where that has no minimum within the record. [s]
+    begin : float       When it begins, after the record does. [s]
     """
 
     name: str
@@ -74,6 +77,7 @@ class PowerCourse:
     time: float
     power: float = 1.0
     error: float = math.inf
+    begin: float = 0.0
 
     def words(self, power: float) -> str:
         """Return it in words, with the power that was found. [W]"""
@@ -82,6 +86,8 @@ class PowerCourse:
     def on(self, model: Model) -> Model:
         """Return a model with the load of this course."""
         times, shares, hold = SHAPES[self.shape](self.time)
+        if self.begin > 0.0:
+            times, shares = np.concatenate([[0.0, (1.0 - SHARP) * self.begin], self.begin + times]), np.concatenate([[0.0, 0.0], shares])
         cycle = {"times": [f"{t!r} [s]" for t in times.tolist()], "values": shares.tolist(), "period": ONE_TURN}
         load = watts(self.into, power=f"{self.power!r} [W]", cycle={**cycle, **({"hold": True} if hold else {})})
         return with_load(model, self.name, load)
@@ -91,7 +97,9 @@ class PowerCourse:
         return replace(request, model=self.on(request.model), free=(*request.free, f"{self.name}.power"))
 
 
-def recovered(request: Request, name: str, into: str, *, shapes: Sequence[str] = tuple(SHAPES), power: float = 1.0) -> PowerCourse:
+def recovered(
+    request: Request, name: str, into: str, *, shapes: Sequence[str] = tuple(SHAPES), power: float = 1.0, begin: float = 0.0
+) -> PowerCourse:
     """Return the course that meets the readings of a request best: shape and time on the profile of the fit's cost.
 
     Parameters
@@ -100,6 +108,7 @@ def recovered(request: Request, name: str, into: str, *, shapes: Sequence[str] =
     name, into : str    Of the load that it becomes, and the node that it heats.
     shapes : sequence   Shapes that are tried.
     power : float       Where its power starts. [W]
+    begin : float       When it begins, after each record does. [s]
 
     Raises
     ------
@@ -108,7 +117,7 @@ def recovered(request: Request, name: str, into: str, *, shapes: Sequence[str] =
     refuse_unknown(shapes, SHAPES, f"course {name}", "unknown shape '{}' of a course. Use one of {known}.", IdentificationError)
     span = min(float(np.ptp(r.times)) for r in request.records)
     step = max(r.step for r in request.records)
-    tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power), 3.0 * step, 0.5 * span) for s in shapes]
+    tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power, begin=begin), 3.0 * step, 0.5 * span) for s in shapes]
     cost, course = min(tried, key=lambda each: each[0])
     if not np.isfinite(cost):
         raise IdentificationError(f"no course of a power at '{into}' can be run with these records.", request.name or request.model.title)

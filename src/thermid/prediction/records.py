@@ -27,7 +27,7 @@ from thermid.fit.uncertainty.noise import stretch_means
 from thermid.knowledge.store import LeftOut, Normal, Source
 from thermid.linear_algebra import Array, quadratic_forms, symmetric_inverse
 from thermid.measure import Record
-from thermid.model.laws.signal import Constant, literal
+from thermid.model.laws.signal import Constant, TableSignal, literal
 from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.prediction.budget import MISFIT, Budget, Target, budget_of, first_line, in_order
 from thermid.prediction.known import Known, instruments_of
@@ -344,7 +344,8 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
         place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, edges.size - 2)
         slope = np.diff(stretch_means(b.measured - b.predicted, place, edges.size - 1))
         middle = 0.5 * (edges[1:] + edges[:-1])
-        for load, given in scenario.commands.items():
+        logged = {load: ("power", given) for load, given in scenario.loads.items() if isinstance(given, TableSignal)}
+        for load, (what, given) in {**logged, **{n: ("command", s) for n, s in scenario.commands.items()}}.items():
             between = np.array([given.mean_over(x, y) for x, y in pairwise(middle)])
             if np.ptp(between) <= 0.0 or np.ptp(slope) <= 0.0:
                 continue
@@ -355,7 +356,7 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
             if abs(found) > SURE * spread and abs(found) > STRONG:
                 chance = f"correlation {found:+.2f}, by chance +- {spread:.2f}"
                 out.append(
-                    f"what {name} misses grows with the command of '{load}' ({chance}): its power or its delay may be wrong. In "
+                    f"what {name} misses grows with the {what} of '{load}' ({chance}): its power or its delay may be wrong. In "
                     "closed loop the controller also reacts to errors of the model"
                 )
     return out

@@ -15,7 +15,7 @@ from tomlkit.items import AoT
 from thermid.campaign.file import CampaignSource, read_campaign
 from thermid.campaign.stages import run_stages
 from thermid.errors import DeckError, IdentificationError, nearest
-from thermid.explain.candidates import changes_of
+from thermid.explain.candidates import MissingElement, changes_of
 from thermid.explain.structures import StructureSearch, adopted, search_structure
 from thermid.files import may_write, read_text, unsealed, write_text
 from thermid.fit.calibrate import fit
@@ -167,7 +167,7 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
     found = _delays_of(_full_fit(ranged, "a delay", name))
     late = replace(asked, records=tuple(r.delayed(found[r.name][0], _driven(r)) if r.name in found else r for r in asked.records))
     left = max(seconds - (time.monotonic() - begun), 0.5 * seconds)
-    then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if not c.delay], seconds=left)
+    then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], seconds=left)
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(asked.records, new.records, strict=True)))
     after = _full_fit(new, then.proposed.name, name)
@@ -213,6 +213,15 @@ def _ranged(record: Record, longest: float) -> Record:
     return record.delayed((0.0, longest), _driven(record)) if _driven(record) else record
 
 
+def _beside_a_delay(change: MissingElement, records: Sequence[Record]) -> bool:
+    """Whether a change is asked for beside a delay: no other delay, and no course of a power where a log has its changes to a sample only.
+
+    A power that changed earlier in an interval than in the mean of all leaves what a power that grows or settles would answer.
+    """
+    sampled = any(not r[n].prompt for r in records for n in _driven(r))
+    return not change.delay and not (sampled and change.of_power)
+
+
 def _delays_of(fit: Calibration) -> dict[str, tuple[float, float]]:
     """Return record -> delay and its standard error. [s]"""
     return {v.record: (v.value, v.error) for v in fit.local if v.name == DELAY}
@@ -246,11 +255,16 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
     deck = folder / Path(str(table["model"])).name
     table["model"] = f"{NEXT}/{deck.name}"
     table["free"] = list(after.free)
+    priors = {p: {"mean": mean, "sd": sd} for p, (mean, sd) in after.priors.items() if p not in before.priors}
+    if priors:
+        table["priors"] = tomlkit.item({**dict(table.get("priors", {})), **priors})
+    if after.doubts:
+        table["doubts"] = True
     moved = {
-        c.name: {"node": str(c.target)}
+        c.name: {c.role: str(c.target)}
         for one, other in zip(before.records, after.records, strict=True)
         for c in other.channels.values()
-        if c.role == "node" and c.target != one[c.name].target
+        if (c.role == "node" and c.target != one[c.name].target) or (c.role == "command" and one[c.name].role == "load")
     }
     if moved:
         table["bind"] = tomlkit.item({**dict(table.get("bind", {})), **moved})

@@ -221,8 +221,8 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
             return bytes(answer.read())
     except (URLError, TimeoutError, OSError) as error:
         raise MissingDataError(
-            f"{address} cannot be reached ({getattr(error, 'reason', error)}). Offline, give a folder with a copy of the repository: "
-            "--from FOLDER, or THERMID_PUBLIC.",
+            f"{address} cannot be reached ({getattr(error, 'reason', error)}). Offline, set THERMID_PUBLIC to a folder with "
+            "copies of repositories, OWNER/REPOSITORY/path; `thermid example` has --from FOLDER for it too.",
             source.repository,
         ) from None
 

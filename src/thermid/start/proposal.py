@@ -29,8 +29,8 @@ LOOSE_AMBIENT = 5.0
 """Standard deviation of an ambient that no column logs, about the lowest first reading. [K]"""
 PACES = (0.03, 0.15, 0.6)
 """Time constants that a fit is begun with, in parts of the log. [-]"""
-UNSAID = ("direction", "commands that act")
-"""Changes that a first project does not have: a coupling with a direction and a delay are left to `improve`."""
+UNSAID = ("direction", "commands that act", "that settles")
+"""Changes that a first project does not have: a coupling with a direction, a delay and a power that settles are left to `improve`."""
 UNEXPLAINED, NOISES = 0.2, 3.0
 """Residuals above this share of the spread of the readings, and above so many noises, mean that no structure explains a log. [-]"""
 MOST_PLACEMENTS = 9

@@ -312,6 +312,21 @@ class TestPredict:
         assert word in said.err
 
 
+class TestRecordsThatArePredicted:
+    def test_each_with_its_band_and_a_second_opinion(self, call: Call, tmp_path: Path) -> None:
+        """Of two runs one was fitted: it says nothing of the next run, and is named."""
+        from unit.fit.project import make_project
+
+        campaign = make_project(tmp_path)
+        asked = ("predict", campaign, "--stage", "pair", "--record", "pair_*")
+        said = call(*asked)
+        told = call(*asked, "--json").object
+        assert "fitted by the stage itself: pair_one" in said.out
+        assert "95 % band is infinite, since it needs 19 runs" in said.out
+        assert told["second_opinion"] == {"runs": 1, "needed": 19, "factor": None}
+        assert "worst stretch: " in said.out
+
+
 class TestPowerThatNobodyMeasured:
     def test_absolute_values_are_refused_with_what_is_known(self, call: Call, tmp_path: Path) -> None:
         from unit.fit.project import make_project

@@ -70,6 +70,9 @@ class Truth:
     sigma_v: float
 
 
+TRUTH = Truth({n: v for n, (v, _) in VALUES.items()}, 1.5e-3, 0.035)
+
+
 @dataclass(frozen=True)
 class Case:
     """A synthetic log with its scenario and truth; `states` (times, 2) are wall and indoor. [K]"""

@@ -18,19 +18,7 @@ from thermid.measure import Channel, Record
 from thermid.model.deck.modelfile import model_from_dict
 from unit.fit.bench import box, log
 
-from .house import VALUES, Case, Truth, drawn, estimate
-
-TRUTH = Truth({n: v for n, (v, _) in VALUES.items()}, 1.5e-3, 0.035)
-
-
-@pytest.fixture(scope="module")
-def case() -> Case:
-    return drawn(TRUTH, 1, 400)
-
-
-@pytest.fixture(scope="module")
-def found(case: Case) -> Estimation:
-    return estimate(case, horizon="12 [h]")
+from .house import TRUTH, VALUES, Case, Truth, drawn, estimate
 
 
 def test_values_are_found_within_their_errors(found: Estimation) -> None:

@@ -21,8 +21,7 @@ from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.laws.signal import TableSignal
 from thermid.simulation.scenarios.scenario import Scenario
 
-from .house import Array, drawn, house, straight, van_loan
-from .test_estimate import TRUTH
+from .house import TRUTH, Array, drawn, house, straight, van_loan
 
 ICE = 273.15
 NOISES: dict[str, Any] = {

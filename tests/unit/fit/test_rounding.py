@@ -58,7 +58,8 @@ def test_a_plateau_is_one_error(stated: bool) -> None:
     rise = 4.0 / (0.05 * 5.0)
     assert found[HTC].error / found[HTC].value > 0.3 * (1.0 / 12**0.5) / rise
     fine = td.calibrate(box(), coarse(1, 0.001, stated=stated), [HTC])
-    assert found[HTC].error > 5.0 * fine[HTC].error
+    # the mass of the deck is not that of the log, and what the fine log then says of the structure is in its error, not in its scatter
+    assert found[HTC].error_random > 5.0 * fine[HTC].error_random
 
 
 def test_two_sensors_of_one_node_have_errors_of_their_own() -> None:

@@ -18,6 +18,8 @@ from thermid.knowledge.store import Normal, Source, State, Store, ValueOrigin
 from thermid.measure import Record
 from thermid.model.deck.modelfile import model_from_dict
 from thermid.model.parts.parameter import parameter
+from thermid.prediction.predict import predict
+from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import unit
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
@@ -194,6 +196,20 @@ class TestLocal:
         assert set(rooms) == {"a", "b"}
         for i in rooms.values():
             assert i.value == pytest.approx(297.15, abs=4 * i.error)
+
+    @pytest.mark.parametrize(("sd", "state"), [("2 [K]", "credible"), ("1.1 [K]", "credible"), ("0.5 [K]", "not adequate")])
+    def test_a_room_far_from_its_prior_has_a_consequence(self, sd: str, state: str) -> None:
+        """The room is at 24 C, said is 20 C: from five deviations on the fit is not adequate, and so is what rests on it."""
+        model = box()
+        data = log(model, {}, {"T": "case"}, swing=0.0).select("T")
+        found = calibrate(model, data, [HTC], local={"air": {"start": "20 [degC]", "sd": sd}})
+        assert found.standing.state == state
+        assert any("lie more than 3 standard deviations" in w for w in found.warnings) == (sd != "2 [K]")
+        if state != "credible":
+            assert found.standing.because.startswith("'bench: air' lies ")
+            assert found.standing.because.endswith("standard deviations from its prior (limit 5)")
+            told = predict(found, Scenario("next", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=3600.0))
+            assert told.standing.exit_code == 5
 
     def test_a_channel_may_give_the_start(self, record: Record) -> None:
         problem = build_problem(Request(box(), (record,), (HTC,), local={"initial.case": LocalSpec("T", 1.0)}))

@@ -106,3 +106,28 @@ def test_correlation_of_white_and_of_constant_noise() -> None:
     assert white.size / effective_samples(white) == pytest.approx(1.0, abs=0.15)
     assert effective_samples(np.zeros(10)) == 10.0
     assert effective_samples(np.sin(np.linspace(0, 3, 100))) < 5
+
+
+def test_a_mean_power_has_the_error_of_its_scatter_alone() -> None:
+    """No stored heat is taken off a power, so that its drift adds nothing."""
+    rng, record = np.random.default_rng(5), approach()
+    noisy = Channel.of("P", 4.0 + 0.6 * rng.standard_normal(481), quantity="power", role="load", target="heat")
+    record = Record.from_arrays("bench", record.times, {**record.channels, "P": noisy})
+    with_tau, without = (record.steady("6 [h]", "8 [h]", tau=tau)["P"] for tau in (TAU, None))
+    assert with_tau.error == without.error
+    assert with_tau.error == pytest.approx(0.6 / 121**0.5, rel=0.35)
+
+
+@pytest.mark.parametrize(("noise", "part"), [(0.05, 0.85), (0.15, 0.5), (0.3, 0.0)])
+def test_noise_before_rounding_takes_the_error_of_steps_away_as_far_as_it_is_known(noise: float, part: float) -> None:
+    """Of a mean that stands at random between two steps of 1 K; stated noise, against the error that the phases give."""
+    rng = np.random.default_rng(6)
+    t, away, errors = np.arange(0.0, 7201.0, 30.0), [], []
+    for level in 300.0 + rng.random(150):
+        read = np.round(level + noise * rng.standard_normal(t.size))
+        v = Record.from_arrays("r", t, {"T": Channel.of("T", read, role="node", target="n", noise=noise, resolution=1.0)}).steady()["T"]
+        away.append(v.value - level)
+        errors.append(v.error)
+    size = float(np.sqrt(np.mean(np.square(away))))
+    assert size == pytest.approx(part / 12**0.5, abs=0.06)
+    assert np.median(errors) == pytest.approx(size, rel=0.35, abs=0.02)

@@ -198,3 +198,17 @@ def test_a_residual_that_grows_with_a_command_is_named(found: Calibration) -> No
     assert any("grows with the command of 'part.heat'" in w for w in wrong.warnings)
     right = predict_record(found, commanded(levels, 5.0, 7))
     assert not any("grows with the command" in w for w in right.warnings)
+
+
+def test_a_residual_that_grows_with_a_logged_power_is_named(found: Calibration) -> None:
+    """A controller whose power is logged in watts: the log says 5 W at full power, and 8 W go in."""
+    levels = np.repeat(np.random.default_rng(8).uniform(0.0, 1.0, 37), 13)
+
+    def powered(hidden: float) -> Record:
+        record = commanded(levels, hidden, 7)
+        watts = Channel.of("Q", 5.0 * levels, quantity="power", role="load", target="part.heat")
+        return record.with_channels(watts)
+
+    wrong = predict_record(found, powered(8.0))
+    assert any("grows with the power of 'part.heat'" in w for w in wrong.warnings)
+    assert not any("grows with" in w for w in predict_record(found, powered(5.0)).warnings)

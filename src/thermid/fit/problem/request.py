@@ -116,6 +116,7 @@ class Request:
     key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
     adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
     accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
+    doubts : bool                   Whether errors of values count what the structure may lack, whatever its residuals.
     """
 
     model: Model
@@ -145,6 +146,7 @@ class Request:
     key: str = ""
     adequate: float = 0.0
     accepted: bool = False
+    doubts: bool = False
 
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:
@@ -345,6 +347,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         request.window,
     ]
     how = [request.loss, request.loss_scale, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
+    how += ["doubts"] if request.doubts else []
     held = None if request.held_errors is None else sorted(request.held_errors.items())
     priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
     content = {

@@ -26,6 +26,9 @@ BINS = 80
 """A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
 shows as a larger scatter of their means."""
 
+POINTS = 6
+"""Times within a stretch at which the answer to a signal is taken, at most: a mean is not the value in the middle."""
+
 FELT = 0.02
 """Part of the variance of a reading from which rounding errors that neighbours share count."""
 
@@ -36,7 +39,7 @@ class Binned:
 
     `effective_share` is what a sample is worth by what is said of its noise. Rounding errors that samples share have the covariance
     ``rounding rounding'`` of their sums over stretches (stretches, terms), `rounded` of it the variance of each sample by itself; both in
-    units of the noise.
+    units of the noise. `width` is how long a stretch is, zero where each holds one sample. [s]
     """
 
     mean: Array
@@ -49,6 +52,13 @@ class Binned:
     effective_share: float = 1.0
     rounding: Array = field(default_factory=lambda: np.zeros((0, 0)))
     rounded: float = 0.0
+    width: float = 0.0
+
+    @property
+    def sampled(self) -> Array:
+        """Times at which its samples lie, to a few a stretch (stretches, points). [s]"""
+        points = min(POINTS, max(round(float(np.median(self.count))), 1)) if self.width else 1
+        return np.asarray(self.times[:, None] + self.width * ((np.arange(points) + 0.5) / points - 0.5))
 
     @property
     def shares_rounding(self) -> bool:
@@ -124,12 +134,14 @@ def binned(
             weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
             place = np.searchsorted(edges, times[o.index], side="right") - 1
             rounding = rounding_of(block, o, place, centres.size)
-            out[block.record, o.sensor] = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
+            trace = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
+            out[block.record, o.sensor] = trace if own else replace(trace, width=float(times[-1] - times[0]) / count)
     return out
 
 
-STRETCHES = 80
-"""A logged signal is looked at in so many stretches of time, in which its noise averages out as in independent samples."""
+STRETCHES = 4 * BINS
+"""A logged signal is looked at in so many stretches of time at most, in which its noise averages out as in independent samples: in several
+for each stretch of the readings, or what it does within one would look like wandering."""
 
 
 def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> dict[tuple[str, str], Array]:
@@ -159,21 +171,36 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
         causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
         for change in _instants(problem, i, fitted):
             for k, (key, o) in enumerate(zip(keys, experiment.observations, strict=True)):
-                causes[key].append(change(pieces[key].times)[:, [k]] / o.sigma(problem.noise))
-        for path, signal, answers in _answers(problem, i, fitted, list(noisy), [pieces[key].times for key in keys]) if noisy else ():
+                at = pieces[key].sampled
+                moved = change(at.ravel())[:, k].reshape(at.shape).mean(axis=1, keepdims=True)
+                causes[key].append(moved / o.sigma(problem.noise))
+        for path, signal, answers in (
+            _answers(problem, i, fitted, list(noisy), [pieces[key].sampled.ravel() for key in keys]) if noisy else ()
+        ):
             begin, end = float(experiment.times[0]), float(experiment.times[-1])
             within = (signal.instants >= begin) & (signal.instants <= end)
             times = signal.instants[within]
             if times.size < 2:
                 continue
-            edges = np.linspace(begin, end, min(STRETCHES, times.size) + 1)
-            place = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, edges.size - 2)
+            edges = np.maximum(_borders(times, signal.hold), begin)
+            place = np.clip(np.searchsorted(edges, times + 1e-9 * (end - begin), side="right") - 1, 0, edges.size - 2)
             errors = _errors_of_means(noisy[path], times, np.asarray(signal.levels)[within], place, edges.size - 1)
             for key, o, step in zip(keys, experiment.observations, answers, strict=True):
-                after = np.array([step(pieces[key].times - edge) for edge in edges])
+                at = pieces[key].sampled
+                after = step(at[None] - edges[:, None, None]).mean(axis=2)
                 causes[key].append((after[:-1] - after[1:]).T @ errors / o.sigma(problem.noise))
         out |= {key: np.concatenate(several, axis=1) for key, several in causes.items() if several}
     return out
+
+
+def _borders(times: Array, held: bool) -> Array:
+    """Return the borders of stretches of a signal's samples (stretches + 1,): those that hold begin there, others lie amid them. [s]"""
+    before, after = times[1] - times[0], times[-1] - times[-2]
+    middles = np.concatenate([[times[0] - 0.5 * before], 0.5 * (times[1:] + times[:-1]), [times[-1] + 0.5 * after]])
+    each = np.append(times, times[-1] + after) if held else middles
+    if times.size <= STRETCHES:
+        return np.asarray(each)
+    return np.asarray(each[np.unique(np.linspace(0, times.size, STRETCHES + 1).round().astype(int))])
 
 
 CHANGES = 20
@@ -290,6 +317,8 @@ SURE = 5.0
 """Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
 OWN = 0.5
 """Share of what is known of a direction from which a trace is held to decide it alone."""
+PART, SEEN = 0.02, 1e-9
+"""Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
 ROUNDED = 2.0
 """What wanders by no more than so many times the variance of rounding is rounding."""
 FEWEST = 12
@@ -373,16 +402,22 @@ def autocorrelation_of_traces(
     # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
     taken = float(np.trace(weights @ found.jacobian.T @ found.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
-    parts = {key: _parts(b, known, alike, inputs.get(key)) for key, b in pieces.items()}
+    own = {key: _Calm.of(b, known, inputs.get(key)) for key, b in pieces.items()}
+    parts = {key: _parts(b, own[key], alike) for key, b in pieces.items()}
     calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
     variance_factor = 1.0
     if calm:
-        squares, samples = sum(pieces[k].squares for k in calm), sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in calm)
-        if len(calm) == len(parts):
+        # of a trace with noisy inputs only what they do not explain
+        still = [key for key in calm if not (own[key].noisy and own[key].tells)]
+        squares, samples = (
+            sum(pieces[k].squares for k in still),
+            sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in still),
+        )
+        if len(still) == len(parts):
             squares = found.chi_square
-        # what noise of logged inputs does to the residuals is counted by itself
-        squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in calm if k in inputs)
-        variance_factor = max(1.0, squares / max(samples * (1.0 - taken / max(effective_samples, 1.0)), 1.0))
+        freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(own[k].left.size for k in calm if k not in still)
+        squares += sum(float(own[k].left @ own[k].left) for k in calm if k not in still)
+        variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
     return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
 
@@ -471,25 +506,54 @@ def correlation(times: Array, time: float) -> Array:
     return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
 
 
-def _parts(b: Binned, known: Array, alike: dict[bytes, list[Array]], inputs: Array | None = None) -> tuple[float, float, float]:
+@dataclass(frozen=True, eq=False)
+class _Calm:
+    """A trace without what noise of logged inputs explains.
+
+    Parameters
+    ----------
+    weights : array (stretches, stretches)  That makes the means of stretches independent and of size 1.
+    decided, free : array (stretches, directions)   What this trace alone decides, and all that it does not.
+    left : array (directions,)              Its residuals in the latter.
+    noisy : bool                            Whether inputs have noise.
+    """
+
+    weights: Array
+    decided: Array
+    free: Array
+    left: Array
+    noisy: bool
+
+    @classmethod
+    def of(cls, b: Binned, known: Array, inputs: Array | None = None) -> _Calm:
+        """Return it, `known` a root (unknowns, unknowns) of the covariance of the unknowns."""
+        root = np.sqrt(b.count)
+        weights, plain = np.diag(root), None
+        if inputs is not None and inputs.size:
+            moved = root[:, None] * inputs
+            sizes, vectors = np.linalg.eigh(np.eye(root.size) + moved @ moved.T)
+            weights = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
+            plain = root[:, None] * b.slopes @ known
+        decided, free = _beside(weights @ b.slopes @ known, plain)
+        return cls(weights, decided, free, free.T @ (weights @ b.mean), plain is not None)
+
+    @property
+    def tells(self) -> bool:
+        """Whether enough is left to tell what the noise is."""
+        return self.left.size >= FEWEST and float(self.left @ self.left) > 0.0
+
+
+def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
     """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
 
-    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones. What noise of logged `inputs`
+    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones. What noise of logged inputs
     explains, and what rounding to steps does, is no wandering.
     """
-    root = np.sqrt(b.count)
-    calmed = np.diag(root)
-    if inputs is not None and inputs.size:
-        sizes, vectors = np.linalg.eigh(np.eye(root.size) + (root[:, None] * inputs) @ (root[:, None] * inputs).T)
-        calmed = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
-    decided, free = _beside(calmed @ b.slopes @ known)
-    spare = free.shape[1]
-    if spare < FEWEST:
+    if not trace.tells:
         return 0.0, 0.0, 0.0
-    y = free.T @ (calmed @ b.mean)
+    calmed, decided, free, y = trace.weights, trace.decided, trace.free, trace.left
+    spare = y.size
     calm = float(y @ y) / spare
-    if not calm > 0:
-        return 0.0, 0.0, 0.0
     spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
     times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
     key = b.times.tobytes()
@@ -552,15 +616,22 @@ def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: flo
     return out
 
 
-def _beside(slopes: Array) -> tuple[Array, Array]:
+def _beside(slopes: Array, plain: Array | None = None) -> tuple[Array, Array]:
     """Return orthonormal bases (stretches, directions) of what a trace alone decides, and of all that it does not.
 
-    With `slopes` in units of standard errors of the whole fit, a singular value is the root of the trace's share in a direction.
+    With `slopes` in units of standard errors of the whole fit, a singular value is the root of the trace's share in a direction. Where they
+    are calmed by noise of inputs, `plain` are those by which the fit weighed: what it removed is then no share of the calmed residuals, as
+    the noise of an input moves all traces at once, so that every direction that the trace has a part in is left out.
     """
     if not slopes.size:
         return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
+    if plain is not None:
+        _, s, turned = np.linalg.svd(plain, full_matrices=False)
+        slopes = slopes @ turned[s**2 > PART].T
+        if not slopes.shape[1]:
+            return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
     basis, s, _ = np.linalg.svd(slopes, full_matrices=True)
-    count = int((s**2 > OWN).sum())
+    count = int((s**2 > OWN).sum()) if plain is None else int((s > SEEN * s[0]).sum())
     return np.asarray(basis[:, :count]), np.asarray(basis[:, count:])
 
 
@@ -689,6 +760,37 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
         return Weighed(np.ones(1), (known * back - priors)[None], (start / scale - pulls)[None])
     weights, information, scores = _averaged(traces, known, start)
     return Weighed(weights, information * back - priors, scores / scale - pulls)
+
+
+def evidence(pieces: Sequence[Binned], priors: Array) -> float:
+    """Return the log-likelihood of traces, but for a constant that depends on their readings alone, with all unknowns integrated out.
+
+    White noise of each trace is as stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in
+    all traces, those that make the readings likeliest. Models of the same readings are compared with the same unknowns first, those of
+    `priors` zero flat, and more behind them.
+
+    Parameters
+    ----------
+    pieces : sequence of Binned             The traces in stretches of time, at any values of the unknowns.
+    priors : array (unknowns, unknowns)     Information that is known beside the data, about where the unknowns stand.
+    """
+    calm = [replace(b, mean=b.mean / s, slopes=b.slopes / s) for b in pieces for s in [max(1.0, b.within) ** 0.5] if b.count.size >= FEWEST]
+    scale = _scales(calm, priors)
+    traces = [_TraceBasis.of(b, scale) for b in calm]
+    known = priors * np.outer(scale, scale) + FLAT * np.eye(priors.shape[0])
+    begun, best = 0.5 * np.linalg.slogdet(known)[1], -np.inf
+    for node in range(GRID_TIMES * RATIOS):
+        at, ratio = divmod(node, RATIOS)
+        information, scores, alone = known.copy(), np.zeros(known.shape[0]), 0.0
+        for t in traces:
+            shrunk = t.shrunk[at, ratio]
+            taken = t.slopes[at].T * shrunk
+            _add(t, information, scores, taken @ t.slopes[at], taken @ t.residuals[at])
+            alone += 0.5 * float(np.log(shrunk).sum() - shrunk @ t.residuals[at] ** 2)
+        # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
+        fitted = 0.5 * float(scores @ np.linalg.solve(information, scores)) - 0.5 * float(np.linalg.slogdet(information)[1])
+        best = max(best, alone + fitted)
+    return float(best + begun)
 
 
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:

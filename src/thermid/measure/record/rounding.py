@@ -75,3 +75,33 @@ def blur_of(path: Array, readings: Array, step: float) -> float:
     left = step**2 / 12.0 - float(np.sum(step**2 / (2.0 * np.pi**2 * m**2)))  # of the terms that are not counted
     expected = np.array([np.mean(away**2) + 2.0 * (s**2 + step**2 / 12.0 - left - float(_terms(step, s) @ waves)) for s in blurs.tolist()])
     return float(np.interp(seen, np.maximum.accumulate(expected), blurs))
+
+
+def rounding_of_line(times: Array, readings: Array, at: float, rate: float, step: float, noise: float | None) -> Array:
+    """Return what rounding does to a straight line through readings: causes (2, causes) of the errors of level and slope. [K], [K/s]
+
+    Parameters
+    ----------
+    times, readings : array (samples,)      [s], [K]
+    at : float                              Where the level is taken. [s]
+    rate : float                            Slope of the line. [K/s]
+    step : float                            Of the sensor. [K]
+    noise : float or None                   Before rounding, where it is stated. Else it is found, from readings on three levels at least or
+                                            a signal that passes a step: jumps between two levels alone say as much of the signal. [K]
+
+    Notes
+    -----
+    With weights W of the samples the errors have the covariance ``W C W'``, C that of the rounding errors along the line. A signal that
+    moves by less than a step may also have moved up or down behind one reading: by the difference of two even errors, ``step / sqrt(6)``,
+    less what noise before rounding shows of it.
+    """
+    x = times - times.mean()
+    path = rate * x
+    moves = abs(rate) * float(np.ptp(times)) >= step
+    told = moves or np.unique(np.round(readings / step)).size > 2
+    blur = noise if noise is not None else blur_of(path, readings, step) if told else 0.0
+    columns, own = shared_rounding(path, step, blur, np.arange(times.size), times.size)
+    slope = x / float(x @ x)
+    weights = np.vstack([1.0 / times.size + (at - times.mean()) * slope, slope])
+    hidden = 0.0 if moves else np.sqrt(2.0 * own) / float(np.ptp(times))
+    return np.hstack([weights @ columns, [[0.0], [hidden]]])

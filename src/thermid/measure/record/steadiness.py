@@ -16,6 +16,7 @@ import numpy as np
 from thermid.errors import RecordError, look_up, nearest
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.record.channel import Channel, FloatArray, Samples, step_of, stretch
+from thermid.measure.record.rounding import rounding_of_line
 from thermid.units import format_value
 
 R = TypeVar("R", bound=Samples)
@@ -170,17 +171,36 @@ def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bo
 
 
 class _Line(NamedTuple):
-    """Straight line through readings: slope and level at a time, each with its standard error, the scatter about it, effective readings."""
+    """Straight line through readings: slope and level at a time, the error of each by scatter, and what rounding to steps adds to both.
+
+    Parameters
+    ----------
+    rate, level : float                 Slope and level at a time. [SI/s], [SI]
+    noise_of_rate, noise : float        Their standard errors by scatter. [SI/s], [SI]
+    rounding : array (2, causes)        What independent causes do to level and rate. [SI], [SI/s]
+    scatter : float                     About the line. [SI]
+    worth : float                       Effective readings.
+    """
 
     rate: float
-    rate_error: float
+    noise_of_rate: float
     level: float
-    error: float
+    noise: float
+    rounding: FloatArray
     scatter: float
     worth: float
 
+    @property
+    def rate_error(self) -> float:
+        """Standard error of the slope. [SI/s]"""
+        return float(np.hypot(self.noise_of_rate, np.linalg.norm(self.rounding[1])))
 
-def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what: str) -> _Line:
+    def error(self, ahead: float) -> float:
+        """Return the standard error of level and slope times a time ahead [s]. [SI]"""
+        return float(np.linalg.norm([self.noise, ahead * self.noise_of_rate, *(self.rounding[0] + ahead * self.rounding[1])]))
+
+
+def _line(t: FloatArray, y: FloatArray, at: float, step: float, noise: float | None, where: str, what: str) -> _Line:
     """Return the line through readings.
 
     Parameters
@@ -188,6 +208,7 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what
     t, y : array (samples,)   Readings. [s], [SI]
     at : float                Where its level is taken. [s]
     step : float              Smallest step of the sensor. [SI]
+    noise : float or None     Before rounding, where it is stated. [SI]
     where, what : str         For the refusal: whose readings, and what they are needed for.
 
     Raises
@@ -206,10 +227,9 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, where: str, what
     # few readings do not know their own spread: Student's distribution of n degrees of freedom is wider by sqrt(n / (n - 2))
     free = max(worth - 2.0, 3.0)
     error = scatter / worth**0.5 * (free / (free - 2.0)) ** 0.5
-    # steps of a sensor that noise does not blur hide a change of up to one step between both ends of the window
-    hidden = step / 6.0**0.5 / float(np.ptp(t)) if scatter < 0.5 * step else 0.0
     level = float(y[0] + moved.mean() + rate * (at - t.mean()))
-    return _Line(rate, float(np.hypot(error / float(np.std(t)), hidden)), level, error, scatter, worth)
+    rounding = rounding_of_line(t, y, at, rate, step, noise) if step else np.zeros((2, 0))
+    return _Line(rate, error / float(np.std(t)), level, error, rounding, scatter, worth)
 
 
 MEANS, TIMES, RATIOS = 60, 8, 10
@@ -247,7 +267,7 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     weight = np.exp(np.array(likely) - max(likely))
     # of logarithms, so that an unlikely time of hours does not decide
     level, rate = np.exp(0.5 * (weight @ np.log(np.maximum(errors, np.finfo(float).tiny))) / weight.sum())
-    return line._replace(error=max(float(level), line.error), rate_error=max(float(rate), line.rate_error))
+    return line._replace(noise=max(float(level), line.noise), noise_of_rate=max(float(rate), line.noise_of_rate))
 
 
 @dataclass(frozen=True)
@@ -333,7 +353,7 @@ def channel_drift(record: Samples, name: str, start: float, end: float) -> Chann
     channel = record.channel(name)
     inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
     t, y = record.times[inside], channel.values[inside]
-    line = _line(t, y, 0.0, step_of(channel), f"{record.name}, {channel.name}", "rate")
+    line = _line(t, y, 0.0, step_of(channel), channel.noise, f"{record.name}, {channel.name}", "rate")
     return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
 
 
@@ -510,7 +530,7 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     # a boundary that never moves was set, as a fit takes it too; its last digit is no step of a sensor
     was_set = channel.role == "boundary" and channel.resolution is None and not np.ptp(y)
     step = step_of(channel) if thermal and not was_set else channel.resolution or 0.0
-    line = _line(t, y, 0.5 * (times[0] + times[-1]), step, place, "mean")
+    line = _line(t, y, 0.5 * (times[0] + times[-1]), step, channel.noise, place, "mean")
     if line.worth < min(CORRELATED * y.size, ENOUGH) and line.scatter > 0.5 * step and line.scatter > 0.0:
         line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
     if thermal and abs(line.rate) - SURE * line.rate_error > most:
@@ -519,11 +539,10 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
             "for a steady point. Use a later window, or raise the limit if the test needs no better steadiness.",
             place,
         )
-    parts = [line.error, step / 12**0.5 if line.scatter < step else 0.0]  # without dither a mean keeps the sensor's step
-    correction = tau * line.rate if thermal else 0.0
-    if tau:
-        parts += [TAU_ERROR * correction, tau * line.rate_error]
-    elif thermal and not corrected:
+    ahead = tau if thermal else 0.0
+    correction = ahead * line.rate
+    parts = [line.error(ahead), TAU_ERROR * correction]
+    if thermal and not ahead and not corrected:
         parts.append(abs(line.rate) * float(times[-1] - times[0]) / 2.0)
     return SteadyValue(
         name=channel.name,

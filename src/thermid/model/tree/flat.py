@@ -117,6 +117,11 @@ class FlatControl:
     ways: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
     where: str = ""
 
+    @property
+    def has_history(self) -> bool:
+        """Whether what it gives depends on more than the temperatures of the moment."""
+        return self.control.kind in ("thermostat", "modes", "pid") or bool(self.control.sample)
+
     def transition(self, name: str) -> tuple[ModeChange, tuple[tuple[str, float], ...]]:
         """Return a transition and what it follows."""
         return self.control.transitions[name], self.ways[name]

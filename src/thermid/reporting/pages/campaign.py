@@ -21,7 +21,7 @@ from thermid.fit.problem.residuals import SensorTrace
 from thermid.fit.uncertainty.moved import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
 from thermid.inference.identifiability import identifiability
 from thermid.judge.metrics import largest, metric
-from thermid.judge.verdict import Verdict
+from thermid.judge.verdict import Verdict, second_opinions
 from thermid.model.tree.model import Model
 from thermid.model.tree.tree import Names
 from thermid.reporting.blocks.content import DASH, Cell, Graphic, Head, Line, Table, duration, number, plain, pretty, significant, tall
@@ -95,6 +95,7 @@ def report(
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign) if audience != "summary" else None,
         coverage=_coverage(campaign) if audience != "summary" else None,
+        bands=_bands(campaign) if audience != "summary" else (None, []),
         front=front(campaign),
         coefficients=coefficients,
         others=others,
@@ -235,6 +236,30 @@ def _coverage(campaign: Campaign) -> Graphic | None:
     several = len({model for model, _ in judged}) > 1
     shares = {f"{record}, {model}" if several else record: found for (model, record), found in judged.items()}
     return figures.coverage(shares, "coverage", "Readings inside the band against the nominal share")
+
+
+def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
+    """Return how the bands of the verdicts met the readings, sensor by sensor, and what a reader of them must know."""
+    judged = {(v.model, v.record): v.bands for v in campaign.verdicts if v.bands is not None and v.bands.bands}
+    if not judged:
+        return None, []
+    columns = [
+        Head("model"),
+        Head("hold-out record"),
+        Head("sensor"),
+        Head("inside, %", True, "readings inside the 95 % band"),
+        Head("95 % band, ± K", True, "mean half-width"),
+        Head("worst stretch", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for (model, record), run in judged.items():
+        for k, (sensor, b) in enumerate(run.bands.items()):
+            first = [Cell(model, "", "main"), Cell(record)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
+            w = b.worst
+            worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
+            rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
+    remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
+    return Table.of(columns, rows), [*remarks, *(f"{model}: {opinion}" for model, opinion in second_opinions(campaign.verdicts).items())]
 
 
 def _dots(campaign: Campaign) -> list[Dots]:

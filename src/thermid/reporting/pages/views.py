@@ -18,6 +18,7 @@ from thermid.campaign.retune import RetunePlan
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty.moved import Moves
+from thermid.judge.verdict import second_opinions
 from thermid.knowledge.values import FittedValue
 from thermid.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
@@ -229,6 +230,7 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
         "stages": [{**calibration_object(fit), **_advice(campaign, name)} for name, fit in campaign.stages.items()],
         **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
         "verdicts": [v.to_dict() for v in campaign.verdicts],
+        "second_opinions": {model: opinion.to_dict() for model, opinion in second_opinions(campaign.verdicts).items()},
         "passed": campaign.passed,
         "values_files": values,
     }
