@@ -83,7 +83,7 @@ def _switched(channel: Channel) -> Bools:
 
 def plateaus(record: Record, plan: Scenario | None) -> Array:
     """Return when known powers were switched after `QUIET` seconds without that, by a log or a plan that counts from its beginning. [s]"""
-    signals = [] if plan is None else [s for _, s in plan.signals() if isinstance(s, TableSignal) and s.hold]
+    signals = [] if plan is None else [s for _, s in plan.signals() if isinstance(s, TableSignal) and s.held]
     planned = [record.times[0] + s.corners() for s in signals]
     times = np.unique(np.concatenate([record.times[switches(record)], *planned]))
     times = times[(times > record.times[0]) & (times <= record.times[-1])]

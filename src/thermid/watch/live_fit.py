@@ -9,7 +9,7 @@ Readings count as the residuals show: their scatter, and how many independent on
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from thermid.linear_algebra import Array, covariance
 from thermid.measure.record.channel import step_of
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import CORRELATED, StabilityRule, effective_samples
-from thermid.model.laws.signal import Signal, TableSignal
+from thermid.model.laws.signal import Signal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
@@ -142,11 +142,7 @@ class LiveFit:
 
 def as_at(signal: Signal, end: float) -> Signal:
     """Return a signal that stays as it is at a time. [s]"""
-    if not isinstance(signal, TableSignal) or not signal.times[-1] > end > signal.times[0]:
-        return signal
-    kept = signal.times < end
-    times, values = np.append(signal.times[kept], end), np.append(signal.values[kept], signal.at(np.array([end])))
-    return replace(signal, times=times, values=values, after="hold")
+    return signal.cut(0.0, end).held_on() if signal.extent > end else signal
 
 
 def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:

@@ -53,7 +53,7 @@ def test_a_duty_has_its_power_at_full_scale(tmp_path: Path) -> None:
 
 def test_two_instances_of_a_part(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text('title = "part"\n[nodes]\nchip = { capacitance = "60 [J/K]" }\n')
-    deck = 'title = "two"\n[submodels]\nleft = { file = "part.toml" }\nright = { file = "part.toml" }\n'
+    deck = 'title = "two"\n[submodels]\nleft = { use = "part.toml" }\nright = { use = "part.toml" }\n'
     (tmp_path / "two.toml").write_text(deck)
     log = written(tmp_path / "d.csv", "time_s,T1 [degC],T2 [degC]", CHIP, AIR)
     record = BoundColumns({"T1": "left.chip", "T2": "right.chip"}, model=load_model(tmp_path / "two.toml")).read(log, "d")
