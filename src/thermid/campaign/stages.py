@@ -21,7 +21,7 @@ from thermid.errors import DeckError, IdentificationError, RecordError, StoppedE
 from thermid.explain.mistakes import Mistakes
 from thermid.fit.calibrate import fit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of
+from thermid.fit.problem.request import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of, weighing
 from thermid.judge.criteria import Criteria
 from thermid.judge.verdict import Verdict, look, not_judged, validate
 from thermid.knowledge.store import Store, graft
@@ -72,7 +72,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
         store=store,
         prior=tuple(prior),
-        weights=stage.weights,
+        **weighing(stage.weights, where),
         loss_scale=stage.knee,
         untie=stage.untie is True,
         loss=stage.loss,

@@ -19,16 +19,16 @@ from thermid.fit.discrepancy import with_discrepancy
 from thermid.fit.doubts import with_doubts
 from thermid.fit.inputs import inputs_of
 from thermid.fit.minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit.problem.experiment import UNSAID_NOISE
+from thermid.fit.problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of
+from thermid.fit.problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of, weighing
 from thermid.fit.problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit.search import Progress, searched
 from thermid.fit.second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
 from thermid.fit.uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
 from thermid.fit.uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit.uncertainty.moved import Moves, moves_above
-from thermid.fit.uncertainty.noise import Autocorrelation, autocorrelation
+from thermid.fit.uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
 from thermid.knowledge.store import State, Store, ValueOrigin
 from thermid.knowledge.values import FittedValue, FittedValues, view
 from thermid.linear_algebra import Array, null_space, symmetric_inverse
@@ -533,9 +533,14 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
     return out
 
 
+def _slow(spread: Autocorrelation) -> list[TraceNoise]:
+    """Return the traces whose residuals wander."""
+    return [t for t in spread.traces if t.white_variance > 0.0 and wanders(t.effective_samples, t.samples)]
+
+
 def _wandering(spread: Autocorrelation) -> list[str]:
     """Return one remark on traces whose residuals wander."""
-    slow = [t for t in spread.traces if t.white_variance > 0.0 and wanders(t.effective_samples, t.samples)]
+    slow = _slow(spread)
     # one white trace in a hundred looks as if it wandered
     if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
         return []
@@ -620,6 +625,7 @@ def calibrate(
     priors: Mapping[str, tuple[str, str] | str] | None = None,
     loss: str = "linear",
     search: str = "auto",
+    weights: Mapping[str, float] | str | None = None,
     name: str = "",
     progress: Progress | None = None,
 ) -> Calibration:
@@ -637,6 +643,8 @@ def calibrate(
     priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
+    weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
+                                count as many as residuals that wander are worth, so that priors and local values have the width stated.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
                                 ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
 
@@ -649,7 +657,8 @@ def calibrate(
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     wanted, _ = freed(model, free, (), name or model.title)
     known = priors_of(model, priors or {}, name or model.title)
-    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name)
+    weighed = weighing(weights or {}, name or model.title)
+    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
     return fit(request, progress, stoppable=True)
 
 
@@ -680,7 +689,7 @@ def fit_problem(
 
 def _fitted(request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
-    if known is not None and list(known.fitted) == [u.name for u in problem.unknowns]:
+    if known is not None and not request.effective and list(known.fitted) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.fitted.values())), request.loss, request.loss_scale, known.evaluations)
         found = replace(found, search=known.search, remarks=known.remarks)
     else:
@@ -695,6 +704,8 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
             weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
             again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
             found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
+    if request.effective and not found.stopped:
+        problem, found = _as_they_are_worth(request, problem, found, progress, stoppable)
     if problem.clocked:
         problem = at_clocks(problem, found.fitted)
     if not stated:
@@ -733,6 +744,31 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
         return False
     slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
     return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
+
+
+def _as_they_are_worth(request: Request, problem: Problem, found: Fit, progress: Progress | None, stoppable: bool) -> tuple[Problem, Fit]:
+    """Return the problem and its fit with readings that count as many as their residuals were worth in a fit.
+
+    Residuals that wander together say together what few say that do not. Counted one by one they outweigh every prior: the room of a
+    run then follows them and takes up what the model lacks.
+    """
+    slow = _slow(autocorrelation(problem, found, request.loss, request.loss_scale))
+    if not slow:
+        return problem, found
+    # one share for all: a single trace says little of how long residuals wander
+    share = sum(t.effective_samples for t in slow) / sum(t.samples for t in slow)
+
+    def weighed(e: Experiment) -> Experiment:
+        return replace(e, observations=tuple(replace(o, weight=o.weight * share**0.5) for o in e.observations))
+
+    problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))
+    again = minimise(problem, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
+    said = (
+        f"weights = 'effective': each reading weighs as {short(share)} of an independent one, the effective sample size of residuals that "
+        "wander. Priors and local values count for more than with all readings"
+    )
+    count = found.evaluations + again.evaluations
+    return problem, replace(again, evaluations=count, search=found.search, remarks=(*found.remarks, said))
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:

@@ -16,10 +16,10 @@ import numpy as np
 
 from thermid.dual import value_of
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import SCALE, Experiment, of_a_sensor
+from thermid.fit.problem.experiment import SCALE, Experiment, first_reading, of_a_sensor
 from thermid.fit.problem.gather import wired
 from thermid.fit.problem.residuals import Influence, Problem, Unknown
-from thermid.fit.regimes import GROUPS, LEFT, ROOM, ROOMS, OwnValue, Regimes, grid_of, log_prior, root_mean_square
+from thermid.fit.regimes import BALANCE, GROUPS, LEFT, ROOM, ROOMS, Beside, OwnValue, Regimes, grid_of, log_prior, root_mean_square
 from thermid.fit.uncertainty.noise import stretch_means
 from thermid.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.model.laws.signal import Signal, TableSignal
@@ -38,6 +38,9 @@ MEMORY = 0.15
 """Correlation time of what wanders, in lengths of the run, where it only says how much of it a fitted room follows. [-]"""
 SWEEPS = 4
 """How often each size is looked for in turn."""
+SLOPE = 0.5
+"""Standard deviation of what one more kelvin of another sensor's first reading says of a room or start, before any run: from none of it
+to all of it (the other sensor alone). [-]"""
 INSTANTS = 601
 """Times at which the powers of a run are looked at."""
 ACTIVE, STEP, RESTLESS = 0.02, 0.02, 0.6
@@ -198,6 +201,7 @@ class RegimeRun:
     spans : array (rows,)               Times, in lengths of the run. [-]
     sensor : array (rows,)              Which sensor a row is of.
     values : dict                       Own temperature with a stated start -> (text of the start, found less start [K], column).
+    first : dict                        Sensor -> its first reading. [K]
     """
 
     record: str
@@ -213,6 +217,7 @@ class RegimeRun:
     spans: Array
     sensor: Indices
     values: Mapping[str, tuple[str, float, int]]
+    first: Mapping[str, float]
 
     @property
     def follows(self) -> Array:
@@ -290,7 +295,11 @@ def _runs(fit: Calibration, problem: Problem, names: Mapping[str, str], misfit: 
         known = priors[np.ix_(own, own)]
         kind = kind_of_run(problem.bench(i, end).wiring, problem.bench(i, end).engine, problem.inputs(i, end)[0])
         values = _stated_starts(fit, problem, i, end, own)
-        out.append(RegimeRun(e.record.name, kind, r, inner_rows, size_rows, w, x, d, f, known, spans, sensor.astype(np.intp), values))
+        window = fit.request.window if fit.request is not None else 0.0
+        first = {o.sensor: first_reading(e.record, o.sensor, window) for o in e.observations}
+        out.append(
+            RegimeRun(e.record.name, kind, r, inner_rows, size_rows, w, x, d, f, known, spans, sensor.astype(np.intp), values, first)
+        )
     return out
 
 
@@ -306,6 +315,8 @@ def _stated_starts(fit: Calibration, problem: Problem, i: int, end: Array, own: 
         if name in find:
             raw = find[name]
             out[name] = (request.locals_of(e.record)[raw].start, float(end[k]) - request.local_start(e.record, raw), column)
+        elif (node := name.removeprefix("initial.")) in e.hidden and node != name:
+            out[name] = (BALANCE, float(end[k]) - e.hidden[node].mean, column)
     return out
 
 
@@ -475,7 +486,7 @@ def _own_values(
 ) -> tuple[OwnValue, ...]:
     """Return how far rooms and starts stand from where they are assumed, what the deviations of kinds do to them taken off."""
     scale = np.array([sizes[g] for g in groups])
-    found: dict[tuple[str, str], dict[str, list[tuple[float, float]]]] = {}
+    found: dict[tuple[str, str], list[tuple[RegimeRun, float, float]]] = {}
     for run in runs:
         for name, (start, off, column) in run.values.items():
             answer = run.follows[column]
@@ -483,17 +494,41 @@ def _own_values(
             parts = moved**2 + sum((answer @ run.shared @ r) ** 2 for kind, r in responses.items() if kind != run.kind)
             drifts = sizes[LEFT] * run.misfit * answer
             variance = float(parts @ scale**2 + drifts @ run.wandering @ drifts)
-            found.setdefault((name, start), {}).setdefault(run.kind, []).append((off, variance))
-    out = []
-    for (name, start), several in found.items():
-        every = np.array([pair for pairs in several.values() for pair in pairs])
-        if len(every) < 2:
-            continue
-        mean = float(np.mean([np.mean([off for off, _ in pairs]) for pairs in several.values()]))
-        spread = ROOMS[:, None] ** 2 + every[:, 1][None, :]
-        # offsets are N(mean, sd^2 + error^2); the last term stands for the estimated mean (restricted likelihood), of the mean variance
-        logs = -0.5 * np.sum(np.log(spread) + (every[:, 0] - mean) ** 2 / spread, axis=1) + 0.5 * np.log(spread.mean(axis=1))
-        # ln sd because each size that is tried stands for an equal step of its logarithm, then the half-normal prior
-        sd = root_mean_square(ROOMS, logs + np.log(ROOMS) - 0.5 * (ROOMS / ROOM) ** 2)
-        out.append(OwnValue(name, start, mean, sd, len(every)))
-    return tuple(out)
+            found.setdefault((name, start), []).append((run, off, variance))
+    return tuple(_own_value(name, start, several) for (name, start), several in found.items() if len(several) > 1)
+
+
+def _own_value(name: str, start: str, several: Sequence[tuple[RegimeRun, float, float]]) -> OwnValue:
+    """Return one of them from the runs that have it: what each found [K], and variance by deviations and by what wanders. [K^2]
+
+    Offsets are ``N(mean + X slopes, sd^2 + V)``; X is how far the first readings of other sensors stand from the one that the value
+    stands on. Each kind counts alike. The sd has the largest restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545).
+    """
+    off, known = np.array([o for _, o, _ in several]), np.array([v for _, _, v in several])
+    kinds = [r.kind for r, _, _ in several]
+    alike = np.array([1.0 / kinds.count(k) for k in kinds])
+    counts = alike * alike.sum() / (alike @ alike)  # as many runs as such weights leave (Kish, Survey Sampling, 1965)
+    others = [c for c in several[0][0].first if c != start and all(c in r.first and start in r.first for r, _, _ in several)]
+    apart = np.array([[r.first[c] - r.first[start] for c in others] for r, _, _ in several]).reshape(off.size, len(others))
+    usual = counts @ apart / counts.sum()
+    rows = np.column_stack([np.ones(off.size), apart - usual])
+    prior = np.diag([0.0, *np.full(len(others), SLOPE**-2.0)])
+    logs, ends, squares = np.zeros(ROOMS.size), np.zeros((ROOMS.size, rows.shape[1])), np.zeros((ROOMS.size, rows.shape[1]))
+    for i, sd in enumerate(ROOMS):
+        variance = known + sd**2
+        weighed = rows * (counts / variance)[:, None]
+        spread = symmetric_inverse(weighed.T @ rows + prior)
+        ends[i] = spread @ weighed.T @ off
+        left = off - rows @ ends[i]
+        squares[i] = np.diag(spread) + ends[i] ** 2
+        # the last term stands for the estimated mean and slopes
+        logs[i] = -0.5 * counts @ (np.log(variance) + left**2 / variance) - 0.5 * ends[i] @ prior @ ends[i]
+        logs[i] += 0.5 * np.linalg.slogdet(spread)[1]
+    # ln sd because each size that is tried stands for an equal step of its logarithm, then the half-normal prior
+    logs += np.log(ROOMS) - 0.5 * (ROOMS / ROOM) ** 2
+    share = np.exp(logs - logs.max())
+    share /= share.sum()
+    end = share @ ends
+    errors = np.sqrt(np.maximum(share @ squares - end**2, 0.0))
+    beside = tuple(Beside(c, float(m), float(k), float(s)) for c, m, k, s in zip(others, usual, end[1:], errors[1:], strict=True))
+    return OwnValue(name, start, float(end[0]), root_mean_square(ROOMS, logs), off.size, beside)

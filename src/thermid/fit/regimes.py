@@ -8,7 +8,7 @@ prediction of a kind that no fit has seen carries such a deviation of its own, a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -55,6 +55,27 @@ def root_mean_square(sizes: Array, logs: Array) -> float:
     return float(np.sqrt(weight @ sizes**2 / weight.sum()))
 
 
+BALANCE: Final = "balance of its neighbours"
+"""What a start is assumed to be that nobody gave, of a node without a sensor in a run that does not begin at rest."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Another sensor's first reading, which says more of a temperature that stands on the first reading of one.
+
+    Parameters
+    ----------
+    channel : str       The other sensor.
+    mean : float        Its first reading less the one that the temperature stands on, over the runs. [K]
+    slope, error : float    What the temperature differs by for one more kelvin of that difference, and its standard error. [-]
+    """
+
+    channel: str
+    mean: float
+    slope: float
+    error: float
+
+
 @dataclass(frozen=True)
 class OwnValue:
     """A temperature that each run has for itself, a room or a start: how far it stands from where it is assumed.
@@ -62,9 +83,10 @@ class OwnValue:
     Parameters
     ----------
     name : str          Boundary or ``initial.<node>``.
-    start : str         What it is assumed to be: the name of a channel, whose first reading stands there, or a temperature.
+    start : str         What it is assumed to be: the name of a channel, whose first reading stands there, a temperature, or `BALANCE`.
     mean, sd : float    Over the runs. [K]
     runs : int          How many.
+    beside : tuple of Beside    What the first readings of other sensors say of it; the mean is that at their means.
     """
 
     name: str
@@ -72,10 +94,31 @@ class OwnValue:
     mean: float
     sd: float
     runs: int
+    beside: tuple[Beside, ...] = ()
+
+    def given(self, first: Mapping[str, float]) -> tuple[float, float]:
+        """Return mean and standard deviation of a further run's value about its start, by that run's first readings. [K]
+
+        A sensor that the further run does not have stands where it stood beside the other on the fitted runs.
+        """
+        mean, variance = self.mean, self.sd**2 * (1.0 + 1.0 / self.runs)
+        if self.start not in first:
+            return mean, float(np.sqrt(variance))
+        for b in (b for b in self.beside if b.channel in first):
+            apart = first[b.channel] - first[self.start] - b.mean
+            mean += b.slope * apart
+            variance += (b.error * apart) ** 2
+        return mean, float(np.sqrt(variance))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
-        return {"name": self.name, "start": self.start, "mean": self.mean, "sd": self.sd, "runs": self.runs}
+        plain = {"name": self.name, "start": self.start, "mean": self.mean, "sd": self.sd, "runs": self.runs}
+        return plain | ({"beside": [asdict(b) for b in self.beside]} if self.beside else {})
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> OwnValue:
+        """Return what `to_dict` gave."""
+        return cls(**{**data, "beside": tuple(Beside(**b) for b in data.get("beside", ()))})
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +172,7 @@ class Regimes:
             free,
             {k: np.array(v, dtype=float).reshape(len(free), len(names)) for k, v in data["responses"].items()},
             {k: np.array(v, dtype=float) for k, v in data["evidence"].items()},
-            tuple(OwnValue(**o) for o in data["own"]),
+            tuple(OwnValue.from_dict(o) for o in data["own"]),
             {n: float(x) for n, x in data["noise"].items()},
             tuple(data["checksums"]),
         )
@@ -214,13 +257,14 @@ class KindsSeen:
     def own_value(self, name: str, start: str = "") -> OwnValue | None:
         """Return how far a room or start stands from where it is assumed, of the stage with most runs; None where none says it.
 
-        With the same text of `start` the mean counts; else only how far runs differ, and their mean as an error.
+        With the same text of `start` the mean counts; else only how far runs differ, and their mean as an error. What runs say of a
+        start that somebody gave says nothing of one at the balance of its neighbours.
         """
         every = [o for stage in self.stages for o in stage.own if o.name == name]
         alike = [o for o in every if o.start == start]
         if alike:
             return max(alike, key=lambda o: o.runs)
-        if not every:
+        if not every or start == BALANCE:
             return None
         most = max(every, key=lambda o: o.runs)
         return OwnValue(name, start, 0.0, float(np.hypot(most.sd, most.mean)), most.runs)

@@ -17,12 +17,12 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.fit.calibrate import fit as fitted_to
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import Experiment, Observation, as_found, attached
+from thermid.fit.problem.experiment import Experiment, Observation, as_found, attached, first_reading
 from thermid.fit.problem.gather import wired
 from thermid.fit.problem.request import LocalSpec, Reading, Request
 from thermid.fit.problem.residuals import Problem, SensorTrace
 from thermid.fit.regime_runs import wandering
-from thermid.fit.regimes import KindsSeen, OwnValue
+from thermid.fit.regimes import BALANCE, KindsSeen, OwnValue
 from thermid.fit.uncertainty.noise import stretch_means
 from thermid.knowledge.store import LeftOut, Normal, Source
 from thermid.linear_algebra import Array, quadratic_forms, symmetric_inverse
@@ -381,9 +381,12 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
     texts = {f"initial.{find(n)}": str(t) for n, t in given.initial.items() if isinstance(t, str)}
     open_ = []
     rooms = [b for b in e.scenario.boundaries if b in e.network.boundaries and isinstance(e.scenario.boundaries[b], Constant)]
-    for name in dict.fromkeys([*rooms, *(n for n in (*texts, *rules) if n.startswith("initial."))]):
+    hidden = {f"initial.{n}" for n in e.hidden}
+    first = {o.sensor: first_reading(e.record, o.sensor, request.window) for o in e.observations}
+    for name in dict.fromkeys([*rooms, *(n for n in (*texts, *rules, *sorted(hidden)) if n.startswith("initial."))]):
         rule = rules.get(name)
         start = rule.channel if rule is not None else texts.get(name, "") or _assumed(seen, name, e.scenario)
+        start = BALANCE if name in hidden else start
         found = seen.own_value(name, start) if name not in taken else None
         if found is None:
             if name in rooms and name not in taken and seen:
@@ -392,9 +395,9 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
             found = OwnValue(name, start, 0.0, found.sd, found.runs)
         cause = START if name.startswith("initial.") else ROOM
-        error = found.sd * (1.0 + 1.0 / found.runs) ** 0.5
         words = f"differences between runs, from {found.runs} runs"
-        budget = budget.with_one(Source(f"{cause}: {name}", "structural", Normal(found.mean, error), words), cause, Target(name, "add"))
+        law = Normal(*found.given(first))
+        budget = budget.with_one(Source(f"{cause}: {name}", "structural", law, words), cause, Target(name, "add"))
     return budget, open_
 
 

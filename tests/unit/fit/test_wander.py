@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import thermid as td
 from thermid.fit.calibrate import calibrate, fit
 from thermid.fit.calibration import Calibration
 from thermid.fit.minimisation import covariances, ended
@@ -188,3 +189,58 @@ def test_stretches_of_a_robust_loss_hold_weighed_residuals() -> None:
     (piece,) = binned(found.problem, at, "cauchy", 1.0).values()
     z = block.residuals / block.noise
     assert float(piece.mean @ piece.count) == pytest.approx(float(np.sum(z / (1.0 + z**2))))
+
+
+def bar() -> td.Model:
+    return td.model_from_dict(
+        {
+            "title": "Bar",
+            "needs": ["room"],
+            "nodes": {"bar": {"capacitance": "600 [J/K]"}},
+            "conductors": {
+                "skin": {"kind": "conduction", "between": ["bar", "room"], "conductance": {"value": "0.4 [W/K]", "min": 0.01, "max": 5}}
+            },
+            "loads": {"heat": {"into": "bar", "power": "4 [W]"}},
+        }
+    )
+
+
+def drifting(name: str, size: float, seed: int) -> td.Record:
+    """Return a log in a room of 20 C whose power drifts slowly by a part of itself, which the deck does not know."""
+    rng, times = np.random.default_rng(seed), np.linspace(0.0, 14400.0, 481)
+    watts = 4.0 * (1.0 + size * np.sin(2 * np.pi * (times / 9000.0 + rng.uniform())))
+    given = td.Scenario(name, boundaries={"room": "20 [degC]"}, start="20 [degC]", duration="4 [h]", loads={"heat": (times, watts)})
+    run = td.simulate(bar(), given, times=times)
+    noisy = run["bar"].kelvin + 0.05 * rng.standard_normal(times.size)
+    return td.Record.from_arrays(name, times, {"T": td.Channel.of("T", noisy, role="node", target="bar", noise=0.05)}, synthetic=True)
+
+
+@pytest.mark.parametrize("size", [0.1, 0.0])
+def test_readings_that_count_as_they_are_worth_leave_a_prior_its_width(size: float) -> None:
+    records = [drifting(f"run {k}", size, k) for k in range(3)]
+    own = {"room": {"start": "20 [degC]", "sd": "0.1 [K]"}}
+    given = td.Scenario("run", start="20 [degC]", loads={"heat": "4 [W]"})
+    plain, worth = (td.calibrate(bar(), records, ["skin.conductance"], scenario=given, local=own, weights=w) for w in ({}, "effective"))
+    far = [np.sqrt(np.mean([(i.value - 293.15) ** 2 for i in f.local])) for f in (plain, worth)]
+    said = [w for w in worth.warnings if "effective" in w and "wander" in w]
+    if size:
+        assert far[1] < 0.6 * far[0]
+        assert said
+        assert not [w for w in plain.warnings if "weights" in w]
+    else:
+        assert far[1] == pytest.approx(far[0], rel=1e-6)
+        assert not said
+
+
+def test_weights_by_sensor_are_what_they_were() -> None:
+    record = drifting("run", 0.1, 1)
+    given = td.Scenario("run", boundaries={"room": "20 [degC]"}, start="20 [degC]", loads={"heat": "4 [W]"})
+    one, half = (td.calibrate(bar(), record, ["skin.conductance"], scenario=given, weights=w) for w in (None, {"T": 0.5}))
+    assert half.chi_square == pytest.approx(0.25 * one.chi_square, rel=1e-3)
+
+
+@pytest.mark.parametrize(("weights", "words"), [("loud", "or 'effective'"), ({"T9": 0.5}, "not a sensor"), ({"T": 0.0}, "above zero")])
+def test_weights_that_are_none_are_refused(weights: object, words: str) -> None:
+    given = td.Scenario("run", boundaries={"room": "20 [degC]"}, start="20 [degC]", loads={"heat": "4 [W]"})
+    with pytest.raises(td.errors.IdentificationError, match=words):
+        td.calibrate(bar(), drifting("run", 0.0, 1), ["skin.conductance"], scenario=given, weights=weights)  # type: ignore[arg-type]

@@ -101,6 +101,7 @@ class Request:
     held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
                                     even empty, no constant error of any instrument is looked for.
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
+    effective : bool                Whether readings count as many as residuals that wander are worth, which leaves priors their width.
     untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
     loss_scale : float              Residual, in units of the noise, from which a robust loss bends.
@@ -131,6 +132,7 @@ class Request:
     held_bias: Mapping[str, float] = field(default_factory=dict)
     held_errors: Mapping[str, float] | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
+    effective: bool = False
     untie: bool = False
     loss: str = "linear"
     loss_scale: float = 1.0
@@ -182,6 +184,24 @@ class Request:
             raise IdentificationError(
                 f"'{text}' is neither a temperature nor a channel of {record.name}.{hint} ({error.message})", f"local.{name}"
             ) from None
+
+
+EFFECTIVE = "effective"
+"""In place of weights: readings count as many as residuals that wander are worth."""
+
+
+def weighing(weights: Mapping[str, float] | str, where: str) -> dict[str, Any]:
+    """Return the fields of a request that say how much readings weigh.
+
+    Raises
+    ------
+    IdentificationError   When weights are neither numbers by sensor nor "effective".
+    """
+    if weights == EFFECTIVE:
+        return {"effective": True}
+    if isinstance(weights, str):
+        raise IdentificationError(f"weights are numbers by sensor, or '{EFFECTIVE}', not '{weights}'.", f"{where}.weights")
+    return {"weights": weights}
 
 
 RANGE = "range"
@@ -347,6 +367,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         request.window,
     ]
     how = [request.loss, request.loss_scale, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
+    how += [EFFECTIVE] if request.effective else []
     how += ["doubts"] if request.doubts else []
     held = None if request.held_errors is None else sorted(request.held_errors.items())
     priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
