@@ -32,7 +32,7 @@ from thermid.cli.options import (
 )
 from thermid.errors import RecordError
 from thermid.extensions import extension
-from thermid.measure.amounts import amount
+from thermid.measure.amounts import amount, duration_text
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from thermid.acquire.capture import PortCapture
 
 PORT: Final = "a serial port that is watched"
+SILENT: Final = 60.0
+"""Without a new reading before that is told, at least. [s]"""
 
 
 Channels = Annotated[
@@ -172,14 +174,18 @@ def _replayed(record: Record, step: float, once: bool) -> Iterator[Record]:
 
 def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
     """Yield a log every time that something came. [s]"""
-    seen = -1.0
+    seen, came, silent = -1.0, clock.monotonic(), False
     while True:
         record = log.record()
         if record is not None and record.times[-1] > seen:
-            seen = float(record.times[-1])
+            seen, came, silent = float(record.times[-1]), clock.monotonic(), False
             start = literal(with_unit(since, "s"), "s", "--since") if since != "start" else float(record.times[0])
             if np.count_nonzero(record.times >= start) > 1:
                 yield record.trim(start, "end")
+        elif record is not None and not silent and clock.monotonic() - came > max(SILENT, 10.0 * record.step, 3.0 * step):
+            silent = True
+            waited = duration_text(round(clock.monotonic() - came))
+            typer.echo(f"ALARM logger: no new reading for {waited}. Check the logger; the last one was at {seen:.0f} s.", err=True)
         if line is None:
             clock.sleep(step)
         else:

@@ -20,6 +20,8 @@ from thermid.files import COPY, scratch, write_bytes
 from thermid.linear_algebra import Array, Bools
 from thermid.measure.record.channel import Channel, found_noise, step_of, usual_step
 from thermid.measure.record.record import Record
+from thermid.model.laws.signal import TableSignal
+from thermid.simulation.scenarios.scenario import Scenario
 
 Places = NDArray[np.intp]
 
@@ -39,14 +41,22 @@ FINE: Final = 250.0
 """Rows in which the time since the beginning grows by e."""
 MOST: Final = 6000
 """Rows of averages at most, beyond which powers are averaged too."""
+SPIKES: Final = 8
+"""Usual changes, or noises, by which a single reading lies off both its neighbours to count as a spike."""
 SWITCHED: Final = 8.0
 """Usual changes between neighbours from which a power counts as switched."""
+GAP: Final = 300.0
+"""Without readings from which on the state of the unit is open, and ten times their interval. [s]"""
 LEAST: Final = 0.05
 """Noise of a reading at least, where nobody stated it. [K]"""
+QUIET: Final = 600.0
+"""Without a switch of a power before one that begins another plateau; powers that cycle faster do not. [s]"""
 CHUNK: Final = 1 << 18
 """Bytes that are read at once."""
 ENOUGH: Final = 20
 """Lines that a log is read from, or its refusal is said."""
+TRIES: Final = 3
+"""Looks at a log that cannot be read any more before that is an error; the last line may be half written."""
 HEADS: Final = 200
 """Lines at the beginning within which header and first samples stand."""
 
@@ -56,11 +66,28 @@ def switches(record: Record) -> Bools:
     out = np.zeros(record.times.size, dtype=bool)
     for c in record.channels.values():
         if c.held:
-            known = np.flatnonzero(c.valid & np.isfinite(c.values))
-            apart = np.abs(np.diff(c.values[known]))
-            least = max(SWITCHED * float(np.median(apart)), 0.01 * float(np.ptp(c.values[known]))) if apart.size else 0.0
-            out[known[1:][apart > least]] = True
+            out |= _switched(c)
     return out
+
+
+def _switched(channel: Channel) -> Bools:
+    """Return the samples at which a power or command was switched (samples,)."""
+    out = np.zeros(channel.values.size, dtype=bool)
+    known = np.flatnonzero(channel.valid & np.isfinite(channel.values))
+    apart = np.abs(np.diff(channel.values[known]))
+    if apart.size:
+        least = max(SWITCHED * float(np.median(apart)), 0.01 * float(np.ptp(channel.values[known])))
+        out[known[1:][apart > least]] = True
+    return out
+
+
+def plateaus(record: Record, plan: Scenario | None) -> Array:
+    """Return when known powers were switched after `QUIET` seconds without that, by a log or a plan that counts from its beginning. [s]"""
+    signals = [] if plan is None else [s for _, s in plan.signals() if isinstance(s, TableSignal) and s.held]
+    planned = [record.times[0] + s.corners() for s in signals]
+    times = np.unique(np.concatenate([record.times[switches(record)], *planned]))
+    times = times[(times > record.times[0]) & (times <= record.times[-1])]
+    return np.asarray(times[np.diff(times, prepend=record.times[0]) >= QUIET])
 
 
 def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
@@ -84,7 +111,7 @@ def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
     if begins.size == since.size:
         return record
     count = np.diff(begins, append=since.size)
-    channels = {c.name: _averaged(c, begins, count) for c in record.channels.values()}
+    channels = {c.name: _averaged(_with_step(c), begins, count) for c in record.channels.values()}
     return replace(record, times=np.add.reduceat(record.times, begins) / count, channels=channels)
 
 
@@ -136,6 +163,55 @@ def blocked(record: Record, least: float = 0.0) -> Record:
     return kept.with_channels(*(replace(kept.channel(n), noise=_of_mean(record.channel(n), noise, many)) for n, noise in read.items()))
 
 
+def without_spikes(record: Record) -> Record:
+    """Return a record without single readings that lie far from both neighbours, which agree, and without a last one that jumped."""
+    made = []
+    for c in record.channels.values():
+        known = np.flatnonzero(c.valid)
+        if c.role not in ("node", "auto") or c.quantity != "temperature" or known.size < 2 * SPIKES:
+            continue
+        steps = np.diff(c.values[known])
+        least = SPIKES * max(float(np.median(np.abs(steps))) / 0.6745, noise_of(record, c.name))
+        both = (np.abs(steps[:-1]) > least) & (np.abs(steps[1:]) > least) & (np.abs(steps[:-1] + steps[1:]) < 0.5 * np.abs(steps[:-1]))
+        gone = np.append(
+            known[1:-1][both], known[-1:] if abs(steps[-1]) > least else []
+        )  # whether the last one comes back is not known yet
+        if gone.size:
+            made.append(c.masked(np.isin(np.arange(c.values.size), gone), "spike"))
+    return record.with_channels(*made) if made else record
+
+
+def smoothed(record: Record) -> Record:
+    """Return a record whose logged powers are means over `MIDDLE` between their switches: the noise of a power meter heats nothing."""
+    since, made = record.times - record.times[0], []
+    for c in record.channels.values():
+        if c.quantity == "power" and c.held and c.valid.all() and found_noise(c) > 0.0:
+            jumps = np.cumsum(_switched(c))
+            begins = np.flatnonzero((np.diff(jumps, prepend=-1) != 0) | (np.diff(np.floor(since / MIDDLE), prepend=-1.0) != 0.0))
+            count = np.diff(begins, append=since.size)
+            made.append(replace(c, values=np.repeat(np.add.reduceat(c.values, begins) / count, count)))
+    return record.with_channels(*made) if made else record
+
+
+def gap_from(record: Record) -> float:
+    """Return the time without readings from which on the state of the unit is open. [s]"""
+    return max(GAP, 10.0 * record.step)
+
+
+def after_gaps_left_out(record: Record) -> Record:
+    """Return a record without the readings for as long after a gap as it lasted, where inputs are logged: there they were not."""
+    if not any(c.role in ("boundary", "load", "command", "prescribed") for c in record.channels.values()):
+        return record
+    lengths, wide = np.diff(record.times), np.zeros(record.times.size, dtype=bool)
+    for k in np.flatnonzero(lengths > gap_from(record)):
+        if lengths[k] > 0.01 * (record.times[k] - record.times[0]):  # else it is a stretch of means
+            wide |= (record.times >= record.times[k + 1]) & (record.times < record.times[k + 1] + lengths[k])
+    if not wide.any():
+        return record
+    nodes = [c for c in record.channels.values() if c.role in ("node", "auto") and c.quantity == "temperature"]
+    return record.with_channels(*(c.masked(wide, "after a gap") for c in nodes))
+
+
 def noise_of(record: Record, name: str) -> float:
     """Return the noise of a reading: as stated, or what the latest readings show, at least `LEAST`. [K]"""
     channel = record.channel(name)
@@ -145,11 +221,12 @@ def noise_of(record: Record, name: str) -> float:
 
 
 def _of_mean(channel: Channel, noise: float, many: float) -> float:
-    """Return the noise of a mean of readings: of white noise less, of rounding and of correlated noise not. [K]"""
-    if many == 1.0 or (channel.part is not None and channel.part.correlation_time):
-        return noise
-    rounding = step_of(part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)) / 12.0**0.5
-    return float(np.hypot(noise / many**0.5, rounding if rounding > noise else 0.0))
+    """Return the noise of a mean of readings: of white noise less; of correlated noise, and of rounding that equal ones share, not. [K]"""
+    white = noise if channel.part is not None and channel.part.correlation_time else noise / many**0.5
+    seen = part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)
+    rounding = step_of(seen if channel.resolution is None else channel) / 12.0**0.5
+    equal = seen.values.size / (1.0 + np.count_nonzero(np.diff(seen.values[seen.valid])))
+    return float(np.hypot(white, rounding * max(equal / many, 1.0) ** 0.5))
 
 
 def part_of(channel: Channel, begin: int, end: int) -> Channel:
@@ -184,6 +261,15 @@ def played(record: Record, every: float) -> Iterator[Record]:
             kept = thinned(part(record, 0, end) if kept is None else _extended(kept, record, taken, end))
             taken = end
             yield kept
+
+
+def _with_step(channel: Channel) -> Channel:
+    """Return a temperature with the step that its readings show, which their means do not."""
+    if channel.resolution is not None or channel.role not in ("node", "auto") or channel.quantity != "temperature":
+        return channel
+    seen = part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)
+    step = step_of(seen) if np.unique(seen.values[seen.valid]).size > 1 else 0.0
+    return replace(channel, resolution=step) if step > 0.0 else channel
 
 
 def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
@@ -228,7 +314,7 @@ class GrowingLog:
         self._forget()
 
     def _forget(self) -> None:
-        self._at, self._head, self.whole = 0, b"", False
+        self._at, self._head, self.whole, self._failed = 0, b"", False, 0
         self._kept: Record | None = None
 
     def record(self) -> Record | None:
@@ -249,9 +335,18 @@ class GrowingLog:
             pass
         if self.whole:
             try:
-                return thinned(self._read(self.path))
-            except (MissingDataError, RecordError):
-                return None
+                found = thinned(self._read(self.path))
+            except (MissingDataError, RecordError) as error:
+                self._failed += 1
+                if self._kept is None or self._failed < TRIES:
+                    return self._kept
+                raise RecordError(
+                    f"what was written after {self._kept.times[-1]:.0f} s cannot be read: {error.message} Start the watch again on a new "
+                    "file, with the names of its columns in its first line.",
+                    self.path.name,
+                ) from None
+            self._failed = 0
+            return found
         return self._kept
 
     def _more(self, size: int) -> bool:

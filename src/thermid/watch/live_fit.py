@@ -20,7 +20,8 @@ from thermid.fit.problem.residuals import Bench, Compressed, Prior, Unknown
 from thermid.linear_algebra import Array, covariance
 from thermid.measure.record.channel import step_of
 from thermid.measure.record.record import Record
-from thermid.measure.record.steadiness import StabilityRule, effective_samples
+from thermid.measure.record.steadiness import CORRELATED, StabilityRule, effective_samples
+from thermid.model.laws.signal import Signal
 from thermid.model.tree.model import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.scenarios.scenario import Scenario
@@ -100,6 +101,7 @@ class LiveFit:
     def __init__(self, model: Model, scenario: Scenario | None) -> None:
         self.model, self.scenario = model, scenario
         self.values: dict[str, float] = {}
+        self.wander: dict[str, float] = {}
         self._last: tuple[float, tuple[str, ...], _Fit | None] | None = None
 
     def fit(self, record: Record, channels: Sequence[str]) -> None:
@@ -110,11 +112,17 @@ class LiveFit:
         SolverError, RecordError   When the model cannot follow the record.
         """
         enough = all(np.count_nonzero(record.channel(n).valid) >= FIRST for n in channels)
-        made = _Fit(bind(self.model, record, self.scenario, errors={}), record, self.values) if enough else None
+        made = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
         if made is not None:
             made.run()
             self.values = made.found()
+            self.wander = made.wander
         self._last = (float(record.times[-1]), tuple(channels), made)
+
+    def _until(self, record: Record) -> Scenario | None:
+        """Return the scenario with all that a plan changes later left as it is at the end of a record."""
+        last = record.duration
+        return None if self.scenario is None else self.scenario.mapped(lambda s: as_at(s, last))
 
     def ends(self, record: Record, channels: Sequence[str], rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
         """Return every channel -> where it ends; nothing while readings are few.
@@ -130,6 +138,11 @@ class LiveFit:
         if made is None or any(np.count_nonzero(record.channel(n).valid) < FEWEST for n in channels):
             return {}
         return {n: _forecast(n, record, end, rule, within, level) for n, end in made.ends(rule, level).items() if n in channels}
+
+
+def as_at(signal: Signal, end: float) -> Signal:
+    """Return a signal that stays as it is at a time. [s]"""
+    return signal.cut(0.0, end).held_on() if signal.extent > end else signal
 
 
 def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:
@@ -161,6 +174,7 @@ class _Fit:
         self.steps = [step_of(record.channel(o.sensor)) for o in self.sensors]
         self.samples = sum(o.index.size for o in self.sensors)
         self.worth = 0.0
+        self.wander: dict[str, float] = {}
         self.inverse: Array = np.eye(self.z.size)
 
     def found(self) -> dict[str, float]:
@@ -212,7 +226,7 @@ class _Fit:
 
     def _weigh(self, left: Sequence[Array], rows: Sequence[Array]) -> None:
         """Set what one reading of every sensor weighs, from its residuals: scatter, step, and how much they wander."""
-        self.worth = 0.0
+        self.worth, self.wander = 0.0, {}
         for k, (r, j) in enumerate(zip(left, rows, strict=True)):
             taken = float(np.sum((j @ self.inverse) * j)) / self.sizes[k] ** 2
             worth = effective_samples(r, max(round(taken), 1))
@@ -220,6 +234,8 @@ class _Fit:
             scatter = float(np.sqrt(r @ r / free))
             self.sizes[k] = max(scatter, self.steps[k] / 12.0**0.5, 1e-4) * np.sqrt(r.size / worth)
             self.worth += worth
+            if worth < CORRELATED * r.size:
+                self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: LEAST}), 1.0)
 
     def ends(self, rule: StabilityRule, level: float) -> dict[str, Settled]:
         """Return where every sensor ends with its interval, and when a rule holds there."""

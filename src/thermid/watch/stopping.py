@@ -1,9 +1,10 @@
 """When to stop a test: forecasts at set moments, each with a share of the risk, so that looking on does not add to it.
 
-A decision is taken only when the time watched has grown by a seventh since the last one; each of the first `DECISIONS` takes the same part
-of the risk, and later ones none: they forecast, and stop nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union
-bound for any dependence between looks). Channels share each part alike. Within a decision the forecast is that of the model fitted to the
-readings (`LiveFit`), or without a model that of `thermid.steadiness`.
+A decision is taken only when the time watched has grown by a seventh since the last one, or when a known power was switched, which begins
+another plateau; each of the first `DECISIONS` on a plateau takes the same part of its risk, and later ones none: they forecast, and stop
+nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union bound for any dependence between looks). Channels share each
+part alike. Within a decision the forecast is that of the model fitted to the readings (`LiveFit`), or without a model that of
+`thermid.steadiness`.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ from thermid.steadiness.forecast import FEWEST, Forecast, forecast
 from thermid.watch.live_fit import LiveFit, ModelForecast
 
 RISK: Final = 0.01
-"""Probability of one wrong stop in a whole test, at most."""
+"""Probability of one wrong stop on a plateau, at most: in a whole test where no known power is switched."""
 GROWN: Final = 1.15
 """By how much the time watched grows from one decision to the next."""
+FIRST: Final = 600.0
+"""After a power was switched, until the second decision on the new plateau. [s]"""
 DECISIONS: Final = 30
 """Decisions that share the risk: the time watched grows to sixty times that of the first one."""
 
@@ -103,12 +106,18 @@ class Stopping:
     ) -> None:
         self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
         self.settling = None if model is None else LiveFit(model, scenario)
-        self.count, self._watched = 0, 0.0
+        self.count, self._watched, self.changed = 0, 0.0, float("-inf")
         self.last: StopAdvice | None = None
 
     def due(self, record: Record) -> bool:
-        """Whether the time watched has grown enough for the next decision."""
-        return float(record.times[-1] - record.times[0]) >= GROWN * self._watched
+        """Whether the time watched has grown enough for the next decision, or a power was switched since the last one."""
+        if self.last is not None and record.times[-1] >= self.changed > self.last.at:
+            return True
+        return self._since(record) >= GROWN * self._watched
+
+    def _since(self, record: Record) -> float:
+        """Return the time watched: since the beginning, or since a known power was switched. [s]"""
+        return float(record.times[-1]) - max(float(record.times[0]), self.changed)
 
     def decide(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float] | None = None, doubt: str = "") -> StopAdvice:
         """Return the advice on a record, a new decision where one is due, else the last one.
@@ -122,8 +131,9 @@ class Stopping:
         """
         if self.last is not None and not self.due(record):
             return self.last
-        self.count += 1
-        self._watched = float(record.times[-1] - record.times[0])
+        anew = self.last is not None and self.changed > self.last.at
+        self.count = 1 if anew else self.count + 1
+        self._watched = max(self._since(record), FIRST / GROWN if self.changed > record.times[0] else 0.0)
         level = 1.0 - self.risk / (DECISIONS * len(names))
         ends, why = ({}, "") if doubt else self._ends(record, names, level)
         holds = [f.holds for f in ends.values()]

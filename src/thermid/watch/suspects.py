@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,6 +30,12 @@ PATHS: Final = {
     "conductivity": ("heat path", "conducts worse", "conducts better"),
 }
 """Field of a conductor -> kind, and what a lower and a higher value mean."""
+
+
+def ambients_of(network: Network, logged: Collection[str]) -> tuple[SuspectValue, ...]:
+    """Return the temperatures of boundaries that nobody logs, which may be other than stated; their values are what is added. [K]"""
+    words = ("colder than stated: log it, or give its temperature", "warmer than stated: log it, or give its temperature")
+    return tuple(SuspectValue("ambient", b, b, *words) for b in network.boundaries if b not in logged)
 
 
 def suspects_of(network: Network) -> tuple[SuspectValue, ...]:

@@ -14,16 +14,19 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.dual import value_of
 from thermid.errors import RecordError, SolverError
 from thermid.estimation.dynamics import At, Dynamics
 from thermid.estimation.filtering import Belief
 from thermid.estimation.passing import Passing
 from thermid.estimation.process import WIENER, ProcessNoise
-from thermid.fit.problem.experiment import bind
+from thermid.fit.problem.experiment import Experiment, bind
 from thermid.fit.problem.residuals import Bench
 from thermid.linear_algebra import Array, Bools
 from thermid.measure.amounts import duration_text, short
+from thermid.measure.record.channel import Channel, found_noise
 from thermid.measure.record.record import Record
+from thermid.model.laws.signal import Constant
 from thermid.model.tree.model import Model
 from thermid.network.network import compile_network
 from thermid.physics.constants import ICE_POINT
@@ -31,10 +34,21 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.solver.engine import settle
 from thermid.simulation.solver.problem import Traces
 from thermid.watch.columns import roles_in
-from thermid.watch.growing import LEAST, blocked, latest, noise_of
+from thermid.watch.growing import (
+    LEAST,
+    after_gaps_left_out,
+    blocked,
+    gap_from,
+    latest,
+    noise_of,
+    plateaus,
+    smoothed,
+    switches,
+    without_spikes,
+)
 from thermid.watch.live_fit import STORED, TRUST, unknowns_of
 from thermid.watch.stopping import StopAdvice, Stopping
-from thermid.watch.suspects import SuspectValue, suspects_of
+from thermid.watch.suspects import SuspectValue, ambients_of, suspects_of
 
 JUMP: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
@@ -46,8 +60,8 @@ STAYS: Final = 60.0
 """How long readings must stay where they jumped to; sensors of simple boards are off by some kelvin for seconds. [s]"""
 STUCK: Final = 60
 """Readings in a row without any change, of a sensor that changed before."""
-MOVING: Final = 0.2
-"""Share of neighbours that differed before, from which a sensor counts as changing."""
+MOVING: Final = 0.05
+"""Share of neighbours that noise had apart by two steps before, from which a sensor that does not change is stuck."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +88,17 @@ class Alarm:
         return f"{self.kind}: {self.suspect}: {self.because}"
 
 
-def sensor_alarms(record: Record, names: Sequence[str]) -> list[Alarm]:
-    """Return the sensors whose readings are none: missing, stuck, or jumped further than what they measure can."""
-    found = [_of_readings(name, record.times, record.channel(name).values, record.channel(name).valid) for name in names]
+def sensor_alarms(record: Record, names: Sequence[str], changed: Sequence[float] | Array = ()) -> list[Alarm]:
+    """Return the sensors whose readings are none: missing, stuck, or jumped further than what they measure can.
+
+    Parameters
+    ----------
+    record : Record
+    names : sequence        Channels.
+    changed : sequence      When a known power was switched; a jump just after that is none. [s]
+    """
+    channels = [record.channel(name) for name in names]
+    found = [_of_readings(c.name, record.times, c.values, c.valid, np.asarray(changed)) for c in channels]
     return [a for a in found if a is not None]
 
 
@@ -99,7 +121,7 @@ def _least(steps: Array) -> float:
     return max(JUMP * usual, LEAST_JUMP)
 
 
-def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm | None:
+def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools, changed: Array) -> Alarm | None:
     if valid.size >= GONE and not valid[-GONE:].any():
         last = np.flatnonzero(valid)
         since = float(times[last[-1] + 1]) if last.size else float(times[0])
@@ -111,6 +133,8 @@ def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm 
     far = np.flatnonzero(np.abs(steps) > _least(steps))
     usual = float(np.median(np.diff(t)))
     for k in far[::-1]:  # a spike comes back, a sensor that is off stays
+        if np.any((changed <= t[k + 1]) & (changed > t[k] - STAYS)):
+            continue
         before, after = y[(t > t[k] - STAYS) & (t <= t[k])], y[(t > t[k]) & (t <= t[k + 1] + STAYS)]
         enough = min(before.size, after.size) >= 2 * GONE and t[-1] >= t[k + 1] + STAYS and t[k + 1] - t[k] < GONE * usual
         if not enough or abs(float(np.median(after) - np.median(before))) < 0.7 * abs(steps[k]):
@@ -118,10 +142,19 @@ def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools) -> Alarm 
         if max(np.ptp(before), np.ptp(after)) < 0.5 * abs(steps[k]):  # else it jumps about, and what it reads is its noise
             words = f"jumped by {short(float(steps[k]))} K between two readings at {t[k + 1]:.0f} s and stayed there"
             return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
-    if y.size > 2 * STUCK and not steps[-STUCK:].any() and np.mean(steps[:-STUCK] != 0.0) > MOVING:
-        begin = int(np.flatnonzero(steps)[-1]) + 1
-        return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
+    if y.size > 3 * STUCK and not steps[-STUCK:].any():
+        begin = int(np.flatnonzero(steps)[-1]) + 1 if steps.any() else 0
+        if _noisy(steps[max(begin - 2 * STUCK, 0) : begin]):
+            return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
     return None
+
+
+def _noisy(steps: Array) -> bool:
+    """Whether noise moves readings by two of their smallest steps or more, so that 60 equal ones in a row are no chance."""
+    if steps.size < STUCK or not steps.any():
+        return False
+    smallest = float(np.abs(steps[steps != 0.0]).min())
+    return bool(np.mean(np.abs(steps - np.median(steps)) > 1.5 * smallest) > MOVING)
 
 
 DRIVEN: Final = 1e-3
@@ -138,6 +171,8 @@ CERTAIN: Final = 20.0
 """Rise of the log-likelihood from which a fault is named: chance makes one in 2e8 of a single question, and a day of looks asks 1e5."""
 CLEARER: Final = 2.0
 """By how much the named one must exceed that of every other kind; closer ones are named together."""
+OFF: Final = 10.0
+"""Times its noise that a logged power must have to be a candidate."""
 CHANGE: Final = 1.0
 """By which a suspected value is changed either way for its signature, of its logarithm."""
 FITTED: Final = (
@@ -146,6 +181,10 @@ FITTED: Final = (
 """What a fit to the readings takes as given."""
 STRANGE: Final = 4.0
 """Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
+STANDS: Final = 300.0
+"""Between the beliefs from which a closer look can begin. [s]"""
+UNKNOWN: Final = 10.0
+"""Spread of every node after a gap. [K]"""
 MORE: Final = 0.5
 """By how much such a mean must exceed that of the last closer look, where that found no cause, before the next one."""
 CONFIRMED: Final = 90.0
@@ -240,7 +279,9 @@ class _Filter:
 
     def take(self, window: _Window, now: float) -> None:
         """Take what a filter found since the last look."""
-        self.stands.append((self.time, self.belief))
+        grid = window.dynamics.grid
+        between = [int(np.searchsorted(grid, at)) for at in np.arange(STANDS, float(grid[-1]), STANDS)]
+        self.stands += [(self.time, self.belief), *((self.time + float(grid[k]), window.beliefs[k]) for k in between)]
         while len(self.stands) > 1 and self.stands[1][0] <= now - WINDOW:
             del self.stands[0]
         for k, o in enumerate(window.dynamics.experiment.observations):
@@ -288,7 +329,9 @@ class Watcher:
     _filter: _Filter | None = field(default=None, init=False, repr=False)
     _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
     _since: float | None = field(default=None, init=False, repr=False)
+    _wander: Mapping[str, float] = field(default_factory=dict, init=False, repr=False)
     _cleared: float = field(default=0.0, init=False, repr=False)
+    _zero: float | None = field(default=None, init=False, repr=False)
     _roles: Mapping[str, str] | None = field(default=None, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
@@ -299,18 +342,23 @@ class Watcher:
         ----------
         record : Record     The log from when conditions last changed, its channels bound to the model's nodes.
         """
-        recent, kept = latest(record), blocked(record)
-        off = sensor_alarms(recent, self.channels)
+        recent, record = latest(record), smoothed(without_spikes(record))
+        kept = blocked(record)
+        calm = after_gaps_left_out(kept)
+        self._zero = float(record.times[0]) if self._zero is None else self._zero
+        changed = plateaus(record, self.scenario)
+        self.stopping.changed = max(changed, default=self.stopping.changed)
+        off = sensor_alarms(recent, self.channels, np.append(changed, recent.times[switches(recent)]))
         broken = {a.suspect for a in off}
         names = tuple(n for n in self.channels if n not in broken)
-        fitted = self.stopping.due(kept) and self._fitted(kept, names)
+        fitted = self.stopping.due(kept) and self._fitted(calm, names, True)
         nodes, found = self._filtered(record, kept, names, fitted) if self.model is not None and names else ((), [])
         for a in (*off, *self._lasting(found, recent, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
         doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
         settles = self._settles(kept) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
-        advice = self.stopping.decide(kept, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
+        advice = self.stopping.decide(calm, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
         return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(recent))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
@@ -355,7 +403,7 @@ class Watcher:
         traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
         return {o.sensor: float(traces.temperature(o.node)[0]) for o in experiment.observations if o.sensor in self.channels}
 
-    def _fitted(self, record: Record, names: Sequence[str]) -> bool:
+    def _fitted(self, record: Record, names: Sequence[str], due: bool) -> bool:
         """Fit the model's values, and let the filter pass the last window again with them; whether they moved."""
         settling = self.stopping.settling
         if settling is None or not names or self._named:
@@ -365,6 +413,8 @@ class Watcher:
             settling.fit(record, names)
         except (RecordError, SolverError):
             return False  # the decision states why
+        if due:
+            self._wander = settling.wander
         if settling.values is not before and self._filter is not None:
             self._filter = _Filter(*self._filter.stands[0])
         return settling.values is not before
@@ -373,9 +423,9 @@ class Watcher:
         """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
         f = self._passed(record, names)
         self._cleared = min(self._cleared, f.largest)
-        if f.largest <= max(STRANGE, self._cleared + MORE):
+        if self._named or f.largest <= max(STRANGE, self._cleared + MORE):
             return self._nodes, []
-        if not fitted and self._fitted(record, names):
+        if not fitted and self._fitted(after_gaps_left_out(record), names, False):
             f = self._passed(record, names)
         settling = self.stopping.settling
         found = []
@@ -390,12 +440,21 @@ class Watcher:
         now = float(record.times[-1])
         if self._filter is None:
             self._filter = _Filter(float(record.times[0]))
-        f = self._filter
+        f = self._filter = self._after_gap(self._filter, record)
         if now > f.time:
             window = self._window(self._of(record, names).trim(f.time, "end"), f.belief)
             f.take(window, now)
             self._nodes = window.nodes()
         return f
+
+    def _after_gap(self, f: _Filter, record: Record) -> _Filter:
+        """Return a filter that begins anew after the last gap, where what was not logged may have moved every node."""
+        times = record.times[np.searchsorted(record.times, f.time) :]
+        gaps = np.flatnonzero(np.diff(times, prepend=f.time) > gap_from(record))
+        if not gaps.size or f.belief is None:
+            return f
+        mean = f.belief.mean
+        return _Filter(float(times[gaps[-1]]), Belief(mean, UNKNOWN * np.eye(mean.shape[1])[None]))
 
     def _of(self, record: Record, names: Sequence[str]) -> Record:
         """Return a record without the channels that are broken."""
@@ -406,28 +465,31 @@ class Watcher:
         """Return a stretch of the log passed by the filter, from a belief or the start of the log."""
         assert self.model is not None
         settling = self.stopping.settling
-        return _Window.of(self.model, record, self.scenario, self.driven, belief, {} if settling is None else settling.values)
+        later = None if self.scenario is None else self.scenario.begun(float(record.times[0]) - (self._zero or 0.0))
+        return _Window.of(self.model, record, later, self.driven, belief, {} if settling is None else settling.values, self._wander)
 
 
 @dataclass(frozen=True, eq=False)
 class _FilterValues:
-    """Values at which a filter runs: names that are free with their numbers, the sensors' constant errors [K], noises."""
+    """Values at which a filter runs: free names with their numbers, the sensors' constant errors [K], noises, and what is a sum."""
 
     names: tuple[str, ...]
     x: Array
     bias: Array
     sigma: Array
-    driven: float
+    driven: Array
+    added: Bools
 
     def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
         """Return the dynamics at the values, one suspect or sensor changed either way."""
         way, sign = changed
-        x = np.array([v * (np.exp(sign * CHANGE) if n == way else 1.0) for n, v in zip(self.names, self.x, strict=True)])
+        own = np.array([n == way for n in self.names])
+        x = np.where(own, np.where(self.added, self.x + sign, self.x * np.exp(sign * CHANGE)), self.x)
         bias = self.bias.copy()
         if way.startswith("sensor "):
             bias[int(way.removeprefix("sensor "))] += sign
         count = len(dynamics.noises)
-        return dynamics.at(x, np.full(count, self.driven), np.full(count, np.inf), self.sigma, bias)
+        return dynamics.at(x, self.driven, np.full(count, np.inf), self.sigma, bias)
 
 
 @dataclass(frozen=True, eq=False)
@@ -446,9 +508,19 @@ class _Window:
 
     @classmethod
     def of(
-        cls, model: Model, record: Record, scenario: Scenario | None, driven: float, start: Belief | None, values: Mapping[str, float]
+        cls,
+        model: Model,
+        record: Record,
+        scenario: Scenario | None,
+        driven: float,
+        start: Belief | None,
+        values: Mapping[str, float],
+        wander: Mapping[str, float],
     ) -> _Window:
-        """Return a stretch passed by the filter, from a belief or the start of the log, at what a fit moved the model's values by."""
+        """Return a stretch passed by the filter, from a belief or the start of the log, at what a fit moved the model's values by.
+
+        `wander` is by how much readings of a sensor count as noisier than they are, because what a fit leaves of them is correlated.
+        """
         experiment = bind(model, record, scenario, errors={})
         free, base, _, relative = unknowns_of(experiment)
         keep = np.array([not n.startswith("initial.") for n in free])
@@ -456,16 +528,20 @@ class _Window:
         moved = np.array([values.get(n, 0.0) for n in names])
         x = np.where(relative[keep], base[keep] * np.exp(moved), base[keep] + moved)
         bias = np.array([values.get(f"sensor {o.sensor}", 0.0) for o in experiment.observations])
+        ambients = ambients_of(experiment.network, {c.target or c.name for c in record.channels.values()})
+        names, x = (*names, *(a.path for a in ambients)), np.append(x, [_level(experiment, a.path) for a in ambients])
         bench = Bench.of(experiment, names)
         massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
+        sizes = np.hypot(driven, [_by_powers(experiment, n) for n in massive])
         dynamics = Dynamics(bench, noises, {})
-        sigma = np.array([o.sigma({o.sensor: LEAST}) for o in experiment.observations])
-        values_of = _FilterValues(names, x, bias, sigma, driven)
+        sigma = np.array([o.sigma({o.sensor: LEAST}) * wander.get(o.sensor, 1.0) for o in experiment.observations])
+        values_of = _FilterValues(names, x, bias, sigma, sizes, np.arange(len(names)) >= len(names) - len(ambients))
         passing = Passing(dynamics, [values_of.at(dynamics)])
         kept = passing.run(keep=True, begin=None if start is None else (0, start))
         i = kept.innovations
-        suspects = suspects_of(experiment.network)
+        off = {c.target or c.name for c in record.channels.values() if c.held and _is_off(c)}
+        suspects = (*(s for s in suspects_of(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
         return cls(dynamics, suspects, values_of, passing, kept.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
 
     def nodes(self) -> tuple[NodeBand, ...]:
@@ -534,6 +610,27 @@ class _Window:
             )
         s = next(s for s in self.suspects if s.path == way)
         return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
+
+
+def _level(experiment: Experiment, boundary: str) -> float:
+    """Return the free value of a boundary: its temperature where that is constant, else what is added to it. [K]"""
+    signal = experiment.scenario.boundaries[boundary]
+    return signal.value if isinstance(signal, Constant) else 0.0
+
+
+def _by_powers(experiment: Experiment, node: str) -> float:
+    """Return the Wiener noise of a node by the noise of its logged powers: sigma sqrt(interval) / C. [K/s^0.5]"""
+    loads = {load.path for load in experiment.network.flat.loads if load.node == node}
+    capacity = experiment.network.numbers().capacitances[node]
+    record = experiment.record
+    found = [found_noise(c) for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
+    return float(np.linalg.norm(found)) * record.step**0.5 / value_of(capacity or 1.0) if found else 0.0
+
+
+def _is_off(channel: Channel) -> bool:
+    """Whether a logged power is no more than its noise, so that no share of it can be missing."""
+    seen = channel.values[channel.valid]
+    return not seen.size or float(np.abs(seen).max()) <= OFF * found_noise(channel)
 
 
 def _no_reading(at: float) -> StopAdvice:

@@ -122,6 +122,25 @@ def test_lines_that_are_no_log_are_refused(tmp_path: Path) -> None:
         log.record()
 
 
+@pytest.mark.parametrize(
+    "later",
+    ["".join(f"{k},{30 + k % 2},4.0\n" for k in range(60)), "".join(f"{500 + k},4.0\n" for k in range(60))],
+    ids=["times", "column"],
+)
+def test_a_log_that_cannot_be_followed_any_more_is_an_error(tmp_path: Path, later: str) -> None:
+    path = tmp_path / "bench.csv"
+    log = GrowingLog(path, read)
+    path.write_text("time,T [degC],P [W]\n" + rows(0, 400))
+    assert log.record() is not None
+    with path.open("a") as file:
+        file.write(later)
+    with pytest.raises(RecordError, match="after 399 s cannot be read"):  # noqa: PT012
+        for _ in range(growing.TRIES):
+            kept = log.record()
+            assert kept is not None
+            assert kept.times[-1] == 399.0
+
+
 class TestThinned:
     def long(self, hours: float) -> Record:
         t = np.arange(0.0, 3600.0 * hours, 5.0)
