@@ -30,6 +30,7 @@ class TestSamples:
         value = fit["near.conductance"]
         assert (low, high) == pytest.approx((value.value - 1.96 * value.error, value.value + 1.96 * value.error), abs=0.25 * value.error)
         assert found.evaluations > 200 * 12
+        assert found.independent > 0.3 * len(found.draws["near.conductance"])
         assert f"{len(found.draws['near.conductance'])} draws, effective sample size " in str(found)
         with pytest.raises(NameNotFoundError, match="was not sampled"):
             found.interval("near.conductanc")

@@ -15,7 +15,7 @@ from thermid.design.planned import Sensor, planned_record, sensors_of
 from thermid.dual import value_of
 from thermid.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import SCALE, role_and_target
+from thermid.fit.problem.experiment import SCALE, Experiment, role_and_target
 from thermid.fit.problem.gather import build_problem, prior_of
 from thermid.fit.problem.request import Request
 from thermid.fit.problem.residuals import Prior, Problem, Unknown, parameter_unknown
@@ -58,6 +58,8 @@ NAME = "next test"
 DURATIONS = 24
 SEEN = 1e-9
 """Part of what readings see best from which they see a direction."""
+ALIKE, WORSE = 0.25, 1.1
+"""Part of a step within which temperatures repeat a log's; how many times larger an error must be there to be spoken of."""
 ENOUGH = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
 
@@ -158,6 +160,8 @@ class Option:
     longest : float         Its whole duration. [h]
     errors : array (durations, 2)   Duration [h] and error [SI].
     refused : str           Why it cannot be made; empty where it can.
+    alike : float           Standard error where temperatures repeat a log's to a fraction of its sensors' steps, so that readings are
+                            rounded as they were; nan where no log had such temperatures or no sensor has steps. [SI]
     """
 
     name: str
@@ -166,6 +170,7 @@ class Option:
     longest: float
     errors: Array
     refused: str = ""
+    alike: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +243,7 @@ class Before:
     sizes : dict            Sensor -> the noise in whose squares that is given. [K]
     untie : bool            Whether instances have values of their own.
     thin : bool             Whether it was learnt with thin gas already.
+    seen : dict             Sensor -> times [s] and what each log's model says that it read [K].
     split : tuple of str    Emissivities that an effective coefficient was split into.
     """
 
@@ -250,6 +256,7 @@ class Before:
     sizes: Mapping[str, float] = field(default_factory=dict)
     untie: bool = False
     thin: bool = False
+    seen: Mapping[str, Sequence[tuple[Array, Array]]] = field(default_factory=dict)
     split: tuple[str, ...] = ()
 
     @property
@@ -332,8 +339,17 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         {o.sensor: o.sigma(fit.problem.noise) for o in fit.problem.observations()} if fit.problem is not None else {},
         fit.request.untie if fit.request is not None else False,
         any(e.scenario.environment for e in fit.experiments),
+        _seen(fit),
         tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
     )
+
+
+def _seen(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:
+    """Return sensor -> times from the start of each record [s] and what the fit says that it read. [K]"""
+    out: dict[str, list[tuple[Array, Array]]] = {}
+    for b in fit.blocks:
+        out.setdefault(b.sensor, []).append((b.times - b.times[0], b.predicted))
+    return out
 
 
 def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: Scenario | None = None) -> Before:
@@ -465,7 +481,20 @@ def next_test(
     todo = tuple(actions) or usual_actions(model, base, given)
     options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, _remarks(known, given))
+    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(known, given), *_alike(ranked, slot, value)))
+
+
+def _alike(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...]:
+    """Return what is left where readings are rounded as they were, of tests that repeat the temperatures of a log."""
+    out = []
+    for o in options:
+        if o.alike > WORSE * o.error:
+            size = f"{short(o.alike)} K" if slot == "K" else percent(o.alike / abs(value) if value else np.inf)
+            out.append(
+                f"'{o.name}' leaves +- {size} where temperatures repeat those of a log to a fraction of the steps of its sensors, because "
+                "readings are then rounded alike."
+            )
+    return tuple(out)
 
 
 def _rank(option: Option, goal: float) -> tuple[float, float, float]:
@@ -551,7 +580,7 @@ def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str
         free = (*known.free, *(p for p in doubts if p not in known.free))
         request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
         problem = doubted(build_problem(request), doubts)
-        durations, matrices = _growing(known, problem, doubts, _planned_noise(known, grown))
+        durations, matrices, alike = _growing(known, problem, doubts, _planned_noise(known, grown))
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
     full = np.zeros(len(matrices[0]))
@@ -561,7 +590,19 @@ def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str
     wanted = goal if np.isfinite(goal) else now - ENOUGH * (now - errors[-1]) if np.isfinite(now) else errors[-1] / ENOUGH
     met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
     hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
-    return Option(action.name, float(errors[-1]), hours, longest, np.column_stack([durations / 3600.0, errors]))
+    table = np.column_stack([durations / 3600.0, errors])
+    same = _error(alike, full) if _rounds_alike(known, problem.experiments[0]) else float("nan")
+    return Option(action.name, float(errors[-1]), hours, longest, table, alike=same)
+
+
+def _rounds_alike(known: Before, planned: Experiment) -> bool:
+    """Return whether a sensor with steps would read along the temperatures of a log, to a fraction of a step most of the time."""
+    for o in planned.observations:
+        times = planned.times[o.index]
+        for t, path in known.seen.get(o.sensor, ()) if o.step else ():
+            if np.median(np.abs(np.interp(times - times[0], t, path) - o.measured)) < ALIKE * o.step:
+                return True
+    return False
 
 
 def _planned_noise(known: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
@@ -597,8 +638,24 @@ def _informed(rows: Array, excess: Array) -> Array:
     return np.asarray(ends @ inner @ ends.T)
 
 
-def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]) -> tuple[Array, list[Array]]:
-    """Return durations, and at each the information of the sources: those known now, then the test's own."""
+def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
+    """Return what a log adds to one that was rounded alike (unknowns, unknowns), `rounding` that part of the covariance of J'r.
+
+    With ``N = W + R``, R by rounding, one log says ``J'J N^-1 J'J`` and both say ``J'J (W / 2 + R)^-1 J'J``.
+    """
+    _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
+    s, turned = s[s > SEEN * s[0]], turned[s > SEEN * s[0]]
+    back = turned / s[:, None]
+    whole, shared = np.eye(s.size) + back @ excess @ back.T, back @ rounding @ back.T
+    sizes, vectors = np.linalg.eigh(whole - shared)
+    own = (vectors * np.maximum(sizes, 0.0)) @ vectors.T
+    both = np.linalg.inv(whole - 0.5 * own)
+    ends = turned.T * s
+    return np.asarray(ends @ (both - np.linalg.inv(whole)) @ ends.T)
+
+
+def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]) -> tuple[Array, list[Array], Array]:
+    """Return durations, at each the information of the sources (those known now, then the test's own), and at the end if rounded alike."""
     leader = {q: name for name, paths in known.free.items() for q in paths}
     # what holds with gas says nothing of the same value without it
     own = [leader.get(u.name, u.name) + (WITHOUT_GAS if u.name in doubts else "") for u in problem.unknowns]
@@ -626,4 +683,6 @@ def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise
         causes = {key: h[pieces[key].times <= end] for key, h in inputs.items()}
         excess = chain.T @ score_excess(part, noise, 1.0, causes) @ chain
         out.append(base + _informed(rows[times <= end], excess))
-    return durations, out
+    moved = [b.slopes.T @ b.rounding for b in pieces.values() if b.shares_rounding]
+    rounding = chain.T @ sum((m @ m.T for m in moved), np.zeros((len(own),) * 2)) @ chain
+    return durations, out, base + _informed_alike(rows, excess, rounding) if moved else out[-1]

@@ -16,10 +16,11 @@ from thermid.estimation.dynamics import WIDE
 from thermid.estimation.estimation import OUTPUT, PROCESS, Estimation, Estimator, Found, whiteness_of
 from thermid.estimation.likelihood import Likelihood, Maximum, likelihood_of
 from thermid.estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks, starts_sd
-from thermid.estimation.process import read_process
+from thermid.estimation.process import ProcessNoise, read_process
 from thermid.fit.calibrate import differing
 from thermid.fit.problem.gather import build_problem
 from thermid.fit.problem.request import LocalSpec, Request, freed, priors_of
+from thermid.fit.problem.residuals import Problem
 from thermid.knowledge.values import FittedValue, FittedValues
 from thermid.linear_algebra import Array, symmetric_inverse
 from thermid.measure import Record
@@ -123,7 +124,22 @@ def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str
         for p in still
         if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
     )
-    return _compared(request, found[PROCESS], found[OUTPUT], ahead, (levels, starts, differing(problem)))
+    return _compared(request, found[PROCESS], found[OUTPUT], ahead, ((*levels, *_exact(problem, noises)), starts, differing(problem)))
+
+
+def _exact(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:
+    """Return in words which noise of logged boundaries and powers is not counted, but for those that a process noise drives."""
+    driven = {p.target for p in noises}
+    sizes: dict[str, float] = {}
+    for e in problem.experiments:
+        for path, n in e.noisy.items():
+            if path not in driven:
+                sizes[path] = max(float(np.hypot(n.white, n.step / 12.0**0.5)), sizes.get(path, 0.0))
+    if not sizes:
+        return []
+    boundaries = problem.experiments[0].network.boundaries
+    named = ", ".join(f"'{p}' ({short(size)} {'K' if p in boundaries else 'W'})" for p, size in sizes.items())
+    return [f"logged boundaries and powers are exact: the noise of {named} is not counted. `calibrate` counts it"]
 
 
 def _before(record: Record, seconds: float) -> Record:

@@ -22,6 +22,12 @@ ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
 
 
+AT_ONCE = 0.7
+"""Share of the steps whose proposals are drawn by the covariance of the fit."""
+TAILS = 6
+"""Degrees of freedom of these."""
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior(Result):
     """Values that the data and the priors allow, as often as they allow them.
@@ -89,6 +95,9 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     by the covariance of the fit, while the shape of the valley stays (curvature adjustment: Ribatet, Cooley, Davison, Statistica Sinica 22
     (2012) 813). Needs the package emcee: ``pip install thermid[bayes]``.
 
+    Most proposals are drawn anew by the fit's covariance (independence chain: Tierney, Ann. Stat. 22 (1994) 1701), so that where the valley
+    is nearly quadratic a draw owes little to the one before; the others are stretches between walkers, for valleys that are not.
+
     Parameters
     ----------
     fit : Calibration
@@ -107,7 +116,9 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     rng = np.random.default_rng(seed)
     start = density.rest[density.at][None, :] + density.errors(fit)[None, :] * rng.standard_normal((count, size))
     start = np.clip(start, density.box[:, 0], density.box[:, 1])
-    sampler = emcee.EnsembleSampler(count, size, density)
+    near = _Near.of(density.rest[density.at], density.widths(fit))
+    moves = [(emcee.moves.MHMove(near), AT_ONCE), (emcee.moves.StretchMove(), 1.0 - AT_ONCE)]
+    sampler = emcee.EnsembleSampler(count, size, density, moves=moves)
     sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
     sampler.run_mcmc(start, steps)
     chain = sampler.get_chain(discard=steps // 5, flat=True)
@@ -123,6 +134,36 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
     warnings = (*short, *density.remarks())
     return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, warnings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Proposals by the covariance of a fit, whatever came before: Student's distribution, whose tails are wider than the posterior's.
+
+    Parameters
+    ----------
+    middle : array (parameters,)                Best values, in the fitted form.
+    root : array (parameters, parameters)       A root of the covariance.
+    """
+
+    middle: Array
+    root: Array
+
+    @classmethod
+    def of(cls, middle: Array, covariance: Array) -> _Near:
+        """Return it."""
+        return cls(middle, np.asarray(np.linalg.cholesky(covariance), dtype=float))
+
+    def log(self, points: Array) -> Array:
+        """Return the logarithm of the density at points (points, parameters), but for a constant."""
+        square = np.sum(np.linalg.solve(self.root, (points - self.middle).T) ** 2, axis=0)
+        return np.asarray(-0.5 * (TAILS + self.middle.size) * np.log1p(square / TAILS))
+
+    def __call__(self, points: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        """Return new points and the logarithm of the ratio of proposal densities, old over new (Hastings)."""
+        wide = np.sqrt(TAILS / random.chisquare(TAILS, size=(points.shape[0], 1)))
+        new = self.middle + (wide * random.standard_normal(points.shape)) @ self.root.T
+        return new, self.log(points) - self.log(new)
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +290,14 @@ class _Density:
         inner, outer = _root(here), _root(np.linalg.inv(here))
         stretch = inner @ _root(outer @ np.linalg.inv(wanted) @ outer) @ inner
         return replace(self, level=variance_factor, stretch=stretch * scale[:, None] / scale[None, :])
+
+    def widths(self, fit: Calibration) -> Array:
+        """Return the covariance (parameters, parameters) of the draws of a quadratic valley: that of the fit, or of its errors alone."""
+        errors = self.errors(fit)
+        if self.stretch is None:
+            return np.diag(np.where(np.isfinite(errors), errors, np.ptp(self.box, axis=1) / 4.0) ** 2)
+        whole = fit.store.covariance([self.problem.unknowns[k].name for k in self.at])
+        return np.asarray(whole + 1e-9 * np.diag(np.diag(whole)))
 
     def remarks(self) -> tuple[str, ...]:
         """Return what a reader must know of the width of the draws."""

@@ -390,6 +390,8 @@ PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120
 WIDER = 1.5
 """Times the default spacing from which knots are wide."""
+CLEAR = 3.0
+"""Standard deviations of chance by which wide knots must leave more than narrow ones would."""
 WIDE = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
 ROUNDS = 12
@@ -426,7 +428,7 @@ def power_history(
     free : sequence of str  Parameters fitted with the history; stretches of known power are what they are known by.
     priors : dict           Path -> (mean, standard deviation), as in `calibrate`.
     every : str             Spacing of the knots; a 120th of the log, or its sampling where that is coarser, by default. Where wider knots
-                            leave residuals that wander, those of the default take their place, with a warning.
+                            leave residuals that wander, or more than narrow ones, those of the default take their place, with a warning.
     prior : str             ``walk`` (for powers that jump), ``integrated walk`` (for smooth ones), or ``auto``: the likelier.
 
     Raises
@@ -466,12 +468,50 @@ def power_history(
         asked, problem, found = on(knots, pins)
     except np.linalg.LinAlgError:
         raise _undetermined(free, where) from None
-    if found.remarks and step > WIDER * usual:
-        knots, pins = _knots(record, usual, known, accuracy, where)
-        asked, problem, found = on(knots, pins)
-        words = f"knots every {duration_text(step)} left autocorrelated residuals, so the history has knots every {duration_text(usual)}."
-        found = replace(found, remarks=(words, *found.remarks))
+    if step > WIDER * usual:
+        finer = _knots(record, usual, known, accuracy, where)
+        narrow = _tried(on, *finer)
+        left = _left_by_wide_knots(problem, found, narrow)
+        if narrow is not None and left:
+            (knots, pins), (asked, problem, found) = finer, narrow
+            words = f"knots every {duration_text(step)} left {left}, so the history has knots every {duration_text(usual)}."
+            found = replace(found, remarks=(words, *found.remarks))
     return _history(asked, problem, path, knots, pins, found)
+
+
+def _tried(
+    on: Callable[[Array, Pins], tuple[Request, Problem, Solved]], knots: Array, pins: Pins
+) -> tuple[Request, Problem, Solved] | None:
+    """Return what narrow knots give; None where they leave open what wide ones say."""
+    try:
+        return on(knots, pins)
+    except (np.linalg.LinAlgError, ThermidError):
+        return None
+
+
+def _left_by_wide_knots(problem: Problem, found: Solved, narrow: tuple[Request, Problem, Solved] | None) -> str:
+    """Return what wide knots left of the readings that they should not, in words; empty where nothing."""
+    if narrow is None:
+        return ""
+    if found.remarks:
+        return "autocorrelated residuals"
+    return "residuals beyond the noise" if _leaves_more(problem, found, *narrow[1:]) else ""
+
+
+def _leaves_more(problem: Problem, found: Solved, closer: Problem, finest: Solved) -> bool:
+    """Return whether wide knots leave more of the readings than noise would, beside narrow ones whose noise counts.
+
+    Where no noise is stated, what wide knots cannot follow would count as noise. Of right knots the sum of squares exceeds that of narrow
+    ones by the freedom that these take more, give or take its chance.
+    """
+    wide, narrow = problem.blocks(found.x), closer.blocks(finest.x)
+    observations = closer.observations()
+    sizes = [o.sigma(finest.noise) for o in observations]
+    excess = sum(
+        (float(a.residuals @ a.residuals) - float(b.residuals @ b.residuals)) / s**2 for a, b, s in zip(wide, narrow, sizes, strict=True)
+    )
+    taken = max(float(np.trace(finest.covariance @ finest.seen)) - float(np.trace(found.covariance @ found.seen)), 1.0)
+    return bool(excess > taken + CLEAR * np.sqrt(2.0 * taken))
 
 
 def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
@@ -655,21 +695,24 @@ SURE = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Colour:
-    """Noise that is not white, as the inverse root of the covariance of the means over stretches."""
+    """Noise that is not white, as the lower root of the covariance of the means over stretches."""
 
-    inverse: Array
+    root: Array
     logdet: float
 
     @classmethod
     def of(cls, pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]) -> Colour:
         """Return it of traces in stretches of time."""
-        root = np.linalg.cholesky(covariance_of_means(pieces, traces, inputs))
-        return cls(np.linalg.inv(root), 2.0 * float(np.log(np.diag(root)).sum()))
+        root: Array = np.asarray(np.linalg.cholesky(covariance_of_means(pieces, traces, inputs)), dtype=float)
+        return cls(root, 2.0 * float(np.log(np.diag(root)).sum()))
 
     def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
         """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
+        from scipy.linalg import solve_triangular
+
         slopes, means = np.concatenate([b.slopes for b in pieces.values()]), np.concatenate([b.mean for b in pieces.values()])
-        return self.inverse @ slopes, self.inverse @ means
+        white = solve_triangular(self.root, np.column_stack([slopes, means]), lower=True, check_finite=False)
+        return white[:, :-1], white[:, -1]
 
 
 def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:

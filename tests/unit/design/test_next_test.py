@@ -251,3 +251,22 @@ def test_the_sensors_of_every_record_count() -> None:
     given = td.Scenario("again", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
     shown = [td.design.next_test(f, "stack.contact_conductance", scenario=given).best.error for f in (fit, turned)]
     assert shown[0] == pytest.approx(shown[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(("step", "watts", "alike"), [(2.0, 4.0, True), (2.0, 8.0, False), (0.0, 4.0, False)])
+def test_what_is_left_where_readings_are_rounded_as_they_were_is_said(step: float, watts: float, alike: bool) -> None:
+    data = log(box(), TRUE, {"T": "case"}, name="first", samples=121, hours=2.0, noise=0.02, swing=0.0, seed=3)
+    if step:
+        channel = data.channel("T")
+        stepped = replace(channel, values=step * np.round(channel.values / step), resolution=step)
+        data = replace(data, channels={**data.channels, "T": stepped})
+    fit = td.calibrate(box(), metered(data, "heat", 4.0), [HTC, MASS])
+    again = fit.experiments[0].scenario.with_(loads={"heat": f"{watts} [W]"})
+    advice = td.design.next_test(fit, HTC, [td.design.Action("again", again)], every="1 [min]")
+    words = "'again' leaves +- "
+    assert np.isfinite(advice.best.alike) is np.bool_(alike)
+    if alike:
+        assert 1.1 * advice.best.error < advice.best.alike < 1.01 * advice.now
+        assert words in str(advice)
+    else:
+        assert words not in str(advice)

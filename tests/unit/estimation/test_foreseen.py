@@ -192,3 +192,14 @@ def test_a_noise_that_forgets_in_one_line(text: str, size: float, time: float, f
 def test_a_line_that_is_no_noise(text: str) -> None:
     with pytest.raises(ThermidError):
         read_process({"lid": text}, compile_network(rack()), "t")
+
+
+def test_noise_of_a_logged_boundary_is_said_not_to_count() -> None:
+    case = drawn(TRUTH, 2, 60, noise_known=True)
+    out = case.record["out"].values
+    noisy = case.record.with_channels(Channel.of("out", out, role="boundary", target="out", noise=0.4))
+    held = {"wall": "1.5e-3 [K/s^0.5]"}
+    done = one_value(replace(case, record=noisy), held)
+    (words,) = done.assumed
+    assert words == "logged boundaries and powers are exact: the noise of 'out' (0.4 K) is not counted. `calibrate` counts it"
+    assert one_value(replace(case, record=noisy), {"out": "1e-3 [K/s^0.5]"}, out="0 [K]").assumed == ()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.fit.uncertainty.noise import TraceNoise, binned_trace, covariance_of_means
 from thermid.measure.record.rounding import blur_of, shared_rounding
 from unit.fit.bench import HTC, MASS, box, log, metered
 
@@ -85,3 +86,23 @@ def test_sensors_of_one_node_that_differ_by_more_than_they_may_are_named() -> No
     (words,) = [w for w in found.warnings if "differ by" in w]
     assert "'T' and 'U' on 'case' differ by 0.4 K" in words
     assert "K. Correct their accuracy, or look" in words
+
+
+def test_weights_do_not_trust_the_predicted_signal_to_cancel_rounding_errors() -> None:
+    """A level beside slow waves, weighed by the covariance at a signal that is wrong by a tenth of a step, against drawn phases."""
+    rng, times = np.random.default_rng(2), np.arange(240.0)
+    wave = 3.0 * times / 240.0 + 2.0 * np.exp(-((times - 150.0) ** 2) / 800.0)
+    x, size = np.column_stack([np.ones(240), np.sin(times / 30.0), np.cos(times / 30.0)]), float(np.hypot(0.02, 1.0 / 12**0.5))
+    scores = []
+    for _ in range(100):
+        phase = rng.random()
+        read = np.round(wave + phase + 0.02 * rng.standard_normal(240)) - phase
+        predicted = wave + 0.1 * np.sin(times / rng.uniform(20.0, 60.0) + rng.uniform(0.0, 6.0))
+        columns, own = shared_rounding(predicted, 1.0, 0.02, np.arange(240), 240)
+        z = (read - wave) / size
+        piece = binned_trace(z, z, np.arange(240), times, x, 1.0, (columns / size, own / size**2, predicted))
+        trace = TraceNoise("r", "s", 240, 1.0, 0.0, 0.0, 240.0)
+        inverse = np.linalg.inv(covariance_of_means({("r", "s"): piece}, (trace,), {}))
+        covariance = np.linalg.inv(x.T @ inverse @ x)
+        scores.append(float((covariance @ (x.T @ (inverse @ piece.mean)))[0] / covariance[0, 0] ** 0.5))
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.1

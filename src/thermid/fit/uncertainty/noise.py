@@ -39,7 +39,8 @@ class Binned:
 
     `effective_share` is what a sample is worth by what is said of its noise. Rounding errors that samples share have the covariance
     ``rounding rounding'`` of their sums over stretches (stretches, terms), `rounded` of it the variance of each sample by itself; both in
-    units of the noise. `width` is how long a stretch is, zero where each holds one sample. [s]
+    units of the noise; `path` (stretches,) is where the signal stands, in steps. `width` is how long a stretch is, zero where each holds
+    one sample. [s]
     """
 
     mean: Array
@@ -52,6 +53,7 @@ class Binned:
     effective_share: float = 1.0
     rounding: Array = field(default_factory=lambda: np.zeros((0, 0)))
     rounded: float = 0.0
+    path: Array = field(default_factory=lambda: np.zeros(0))
     width: float = 0.0
 
     @property
@@ -68,10 +70,8 @@ class Binned:
     def before(self, end: float) -> Binned:
         """Return the stretches up to a time [s]."""
         kept = self.times <= end
-        rounding = self.rounding[kept] if self.rounding.size else self.rounding
-        return replace(
-            self, mean=self.mean[kept], count=self.count[kept], times=self.times[kept], slopes=self.slopes[kept], rounding=rounding
-        )
+        cut = {name: values[kept] for name in ("rounding", "path") if (values := getattr(self, name)).size}
+        return replace(self, mean=self.mean[kept], count=self.count[kept], times=self.times[kept], slopes=self.slopes[kept], **cut)
 
 
 def stretch_means(values: Array, place: Indices, size: int) -> Array:
@@ -86,7 +86,7 @@ def binned_trace(
     centres: Array,
     slopes: Array,
     effective_share: float,
-    rounding: tuple[Array, float] | None = None,
+    rounding: tuple[Array, float, Array] | None = None,
 ) -> Binned:
     """Return a trace in the stretches that hold samples.
 
@@ -96,24 +96,27 @@ def binned_trace(
     place : array (samples,)                Stretch of each sample.
     centres : array (stretches,)            Times. [s]
     slopes : array (stretches, unknowns)    Derivatives of the residuals.
-    rounding : (array, float)               See `shared_rounding`, in units of the noise; none where readings are not rounded.
+    rounding : (array, float, array)        See `rounding_of`; none where readings are not rounded.
     """
     count = np.bincount(place, minlength=centres.size).astype(float)
     mean, full = stretch_means(weighed, place, centres.size), count > 0
     inside, spare = weighed - mean[place], z.size - int(full.sum())
     within = float(inside @ inside) / max(spare, 1)
-    columns, own = (rounding[0][full], rounding[1]) if rounding is not None else (np.zeros((0, 0)), 0.0)
-    return Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share, columns, own)
+    bare = Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
+    return bare if rounding is None else replace(bare, rounding=rounding[0][full], rounded=rounding[1], path=rounding[2][full])
 
 
-def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float] | None:
-    """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps."""
+def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float, Array] | None:
+    """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps.
+
+    See `shared_rounding`; the third is where the signal stands in each stretch, in steps.
+    """
     if not o.step:
         return None
     path = block.predicted
     blur = o.blur if o.blur is not None else blur_of(path, block.measured, o.step)
     columns, own = shared_rounding(path, o.step, blur, place, size)
-    return columns / block.noise, own / block.noise**2
+    return columns / block.noise, own / block.noise**2, stretch_means((path - path[0]) / o.step, place, size)
 
 
 def binned(
@@ -138,6 +141,9 @@ def binned(
             out[block.record, o.sensor] = trace if own else replace(trace, width=float(times[-1] - times[0]) / count)
     return out
 
+
+LOST = 0.5
+"""How fast the covariance of rounding errors ends along a predicted signal. [1/step]"""
 
 STRETCHES = 4 * BINS
 """A logged signal is looked at in so many stretches of time at most, in which its noise averages out as in independent samples: in several
@@ -319,6 +325,8 @@ OWN = 0.5
 """Share of what is known of a direction from which a trace is held to decide it alone."""
 PART, SEEN = 0.02, 1e-9
 """Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
+EXPLAINED = 0.05
+"""Part of the squares of a trace's residuals from which what noise of inputs makes of it is told apart by whitening."""
 ROUNDED = 2.0
 """What wanders by no more than so many times the variance of rounding is rounding."""
 FEWEST = 12
@@ -417,6 +425,7 @@ def autocorrelation_of_traces(
             squares = found.chi_square
         freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(own[k].left.size for k in calm if k not in still)
         squares += sum(float(own[k].left @ own[k].left) for k in calm if k not in still)
+        squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in still if k in inputs)
         variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
     return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
@@ -475,7 +484,8 @@ def covariance_of_means(
     """Return the covariance (stretches, stretches) of the means of several traces, one after the other, in squares of their noise.
 
     The same noise as in `score_excess`, for who weighs readings by it: white and autocorrelated parts, rounding that neighbours share, and
-    what noise of logged signals does to all sensors of a record at once.
+    what noise of logged signals does to all sensors of a record at once. Weights would make rounding errors of distant plateaus cancel, as
+    they do about the true signal; the predicted one is not it, so that their covariance ends over some steps.
     """
     size = sum(b.count.size for b in pieces.values())
     out, begin = np.zeros((size, size)), 0
@@ -488,7 +498,7 @@ def covariance_of_means(
         own += t.correlated_variance * correlation(b.times, t.correlation_time)
         if b.shares_rounding:
             means = b.rounding / b.count[:, None]
-            own += means @ means.T
+            own += means @ means.T * np.exp(-LOST * np.abs(b.path[:, None] - b.path))
         out[here, here] = own
         if (h := inputs.get((t.record, t.sensor))) is not None:
             causes.setdefault(t.record, np.zeros((size, h.shape[1])))[here] = h
@@ -515,7 +525,7 @@ class _Calm:
     weights : array (stretches, stretches)  That makes the means of stretches independent and of size 1.
     decided, free : array (stretches, directions)   What this trace alone decides, and all that it does not.
     left : array (directions,)              Its residuals in the latter.
-    noisy : bool                            Whether inputs have noise.
+    noisy : bool                            Whether noise of inputs is a part of the residuals worth telling apart.
     """
 
     weights: Array
@@ -533,7 +543,8 @@ class _Calm:
             moved = root[:, None] * inputs
             sizes, vectors = np.linalg.eigh(np.eye(root.size) + moved @ moved.T)
             weights = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
-            plain = root[:, None] * b.slopes @ known
+            if float(np.sum(moved**2)) > EXPLAINED * b.squares:
+                plain = root[:, None] * b.slopes @ known
         decided, free = _beside(weights @ b.slopes @ known, plain)
         return cls(weights, decided, free, free.T @ (weights @ b.mean), plain is not None)
 
