@@ -17,6 +17,7 @@ import pytest
 import thermid as td
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.predict import predict
+from thermid.prediction.records import predict_record
 
 TIMES = np.linspace(0.0, 18000.0, 151)
 AIR, NOISE, WATTS = 22.0, 0.1, 8.0
@@ -150,7 +151,7 @@ def test_a_proved_defect_carries_the_prediction(defect: str, named: str) -> None
     assert plain.standing.state == "not adequate"
     assert plain.explanation == ""
     drawn = predict(fit, asked, times=TIMES[::30], draws=20)
-    for unsought in (plain, drawn):
+    for unsought in (plain, drawn, predict_record(fit, fit.request.records[0])):
         assert any("were not looked for" in w for w in unsought.warnings)
     assert not any("were not looked for" in w for w in told.warnings)
 
