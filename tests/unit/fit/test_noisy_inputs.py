@@ -163,6 +163,6 @@ def test_intervals_hold_where_the_room_is_as_noisy_as_the_sensors(tmp_path: Path
 
 @pytest.mark.campaign
 def test_intervals_hold_where_a_meter_scatters_by_seven_per_cent(tmp_path: Path) -> None:
-    """The plate wanders visibly by such a meter; that counts once (decision 245)."""
+    """The plate wanders visibly by such a meter; that counts once (decision 243)."""
     shares = held(Laboratory(tmp_path, 10.0), "metered", WATTS, 400)
     assert (np.abs(shares - 0.95) < 3.5 * np.sqrt(0.95 * 0.05 / 400)).all()

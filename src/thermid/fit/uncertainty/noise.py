@@ -326,7 +326,7 @@ OWN = 0.5
 PART, SEEN = 0.02, 1e-9
 """Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
 EXPLAINED = 0.05
-"""Part of the squares of a trace's residuals from which what noise of inputs makes of it is told apart by whitening."""
+"""Part of the squares of a trace's residuals from which what noise of inputs makes of it is separated by whitening."""
 ROUNDED = 2.0
 """What wanders by no more than so many times the variance of rounding is rounding."""
 FEWEST = 12
@@ -525,7 +525,7 @@ class _Calm:
     weights : array (stretches, stretches)  That makes the means of stretches independent and of size 1.
     decided, free : array (stretches, directions)   What this trace alone decides, and all that it does not.
     left : array (directions,)              Its residuals in the latter.
-    noisy : bool                            Whether noise of inputs is a part of the residuals worth telling apart.
+    noisy : bool                            Whether noise of inputs is a part of the residuals worth separating.
     """
 
     weights: Array
