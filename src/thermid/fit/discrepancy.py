@@ -25,7 +25,7 @@ from thermid.fit.regime_runs import regimes_of
 from thermid.fit.regimes import KEY as REGIMES
 from thermid.fit.uncertainty.noise import Autocorrelation, Binned, answers_to_inputs, autocorrelation_of_traces, binned, score_excess
 from thermid.knowledge.values import FittedValues
-from thermid.linear_algebra import Array, finite, square_root
+from thermid.linear_algebra import Array, covariance, finite, pseudo_inverse, sandwich, square_root
 from thermid.model.laws.signal import TableSignal
 from thermid.model.parts.kinds import CARRIED_BY, Law
 from thermid.model.tree.flat import FlatConductor, FlatLoad
@@ -496,6 +496,8 @@ class Discrepancy(Result):
     assumed : dict                  Assumed value of a deck -> what the fit would have found for one more of its SI unit, less what it
                                     found (names,); fitted form.
     accounted : Accounted or None   What is left of noise and misfit where the deck says what carries the heat.
+    of_assumed : dict               Assumed value of a deck -> variance that the readings alone leave it with all else open, and how far
+                                    from the deck's they ask it to be; SI units. Without an entry they say nothing.
     """
 
     conditions: Mapping[str, OperatingPoint]
@@ -509,6 +511,7 @@ class Discrepancy(Result):
     assumed: Mapping[str, Array] = field(default_factory=dict)
     unsaid: Mapping[Key, float] = field(default_factory=dict)
     accounted: Accounted | None = None
+    of_assumed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -531,6 +534,7 @@ class Discrepancy(Result):
             "surfaces": {p: list(at) for p, at in self.surfaces.items()},
             "separated": list(self.separated),
             "assumed": {p: moved.tolist() for p, moved in self.assumed.items()},
+            "of_assumed": {p: list(said) for p, said in self.of_assumed.items()},
             **({"accounted": asdict(self.accounted)} if self.accounted is not None else {}),
         }
 
@@ -551,6 +555,7 @@ class Discrepancy(Result):
             {p: np.array(moved, dtype=float) for p, moved in data.get("assumed", {}).items()},
             {(m["path"], m["kind"]): float(m["unsaid"]) for m in modes if m.get("unsaid")},
             Accounted(**data["accounted"]) if data.get("accounted") else None,
+            {p: (float(variance), float(shift)) for p, (variance, shift) in data.get("of_assumed", {}).items()},
         )
 
     @cached_property
@@ -641,8 +646,9 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     rows = [place[n] for n in names]
-    assumed = {p: moved[rows] for p, moved in _moved_by_assumed(fit, problem, at).items()}
-    kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed, unsaid)
+    moved, said = _moved_by_assumed(fit, problem, at)
+    assumed = {p: each[rows] for p, each in moved.items()}
+    kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed, unsaid, of_assumed=said)
     kept = replace(kept, accounted=_accounted(fit, problem, kept, response, pieces))
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     regimes = regimes_of(fit, misfit)
@@ -736,33 +742,50 @@ def _accounted(
     return Accounted(key_for(fit.request)[:16], noise, {n: min(x, kept.misfit.get(n, x)) for n, x in misfit.items()})
 
 
-def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> dict[str, Array]:
-    """Return assumed value of the deck -> what every unknown (unknowns,) would move by for one more of its SI unit.
+def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> tuple[dict[str, Array], dict[str, tuple[float, float]]]:
+    """Return assumed value of the deck -> what every unknown (unknowns,) would move by for one more of its SI unit, and `_said_of`.
 
     So a spread of an assumed value is solved again: it cancels where the fit pins the answer, and opens where it does not.
     """
     if not problem.unknowns or any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
-        return {}
+        return {}, {}
     table = problem.experiments[0].network.flat.parameters.table
     free = {t.name for u in problem.unknowns for t in u.targets}
     free |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
     paths = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in free]
     if not paths or len(paths) > MANY:
-        return {}
+        return {}, {}
     values = problem.experiments[0].network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
     runs = range(len(problem.experiments))
     more = [Unknown(p, "parameter", tuple(Influence(i, p) for i in runs), float(value_of(values[p]))) for p in paths]
     wide = replace(problem, unknowns=(*problem.unknowns, *more), coupled=())
-    moved = _moved_by(fit, problem, wide, np.concatenate([at, [u.start for u in more]]))
-    return {p: moved[:, k] for k, p in enumerate(paths)}
+    ends = np.concatenate([at, [u.start for u in more]])
+    pieces = binned(wide, ends, fit.loss)
+    moved = _moved_in(fit, problem, ends, pieces)
+    return {p: moved[:, k] for k, p in enumerate(paths)}, _said_of(fit, problem, paths, at, pieces)
 
 
-def _moved_by(fit: Calibration, problem: Problem, wide: Problem, at: Array) -> Array:
-    """Return what the unknowns of a fit would move by for a unit of those that `wide` has beyond them: ``-C J'K`` (unknowns, more).
+def _said_of(
+    fit: Calibration, problem: Problem, paths: Sequence[str], at: Array, pieces: Mapping[tuple[str, str], Binned]
+) -> dict[str, tuple[float, float]]:
+    """Return assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be; SI units.
 
-    `at` are the unknowns of `wide` at the end of the fit.
+    Without a word of the deck's range: with other assumed values open too, so that what they can only say of several together counts for
+    none of them. Values of which they say nothing are left out.
     """
-    return _moved_in(fit, problem, at, binned(wide, at, fit.loss))
+    noise = fit.autocorrelation
+    if noise is None:
+        return {}
+    level, size = noise.variance_factor, at.size
+    left, priors = problem.prior_rows(at)
+    priors = np.concatenate([priors, np.zeros((priors.shape[0], len(paths)))], axis=1)
+    rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])
+    known = pseudo_inverse(rows)  # whole: of what cannot be separated only the values that take no part in it are used below
+    excess = score_excess(pieces, noise.traces, level, {})
+    variance = np.diag(covariance(rows) + sandwich(known, excess) / level**2)
+    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ left
+    step = np.abs(known @ score)
+    return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}
 
 
 def _moved_in(fit: Calibration, problem: Problem, at: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:

@@ -176,6 +176,7 @@ class StructuralTable(StrictTable):
     surfaces: dict[str, Pair]
     separated: list[str]
     assumed: dict[str, list[Real]] = {}
+    of_assumed: dict[str, Pair] = {}
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

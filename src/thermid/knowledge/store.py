@@ -690,9 +690,9 @@ def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
     placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
     modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
     names = [n if " " in n else ahead + n for n in kept["names"]]
-    assumed = {ahead + p: moved for p, moved in kept.get("assumed", {}).items()}
+    assumed, said = ({ahead + p: own for p, own in kept.get(key, {}).items()} for key in ("assumed", "of_assumed"))
     separated = [ahead + p for p in kept["separated"]]
     own = kept.get("accounted")
     noise = {n if " " in n else ahead + n: x for n, x in own["noise"].items()} if own else {}
     more = {"accounted": {**own, "noise": noise, "misfit": {ahead + p: x for p, x in own["misfit"].items()}}} if own else {}
-    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed, **more}
+    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said, **more}

@@ -47,6 +47,8 @@ Groups = Sequence[tuple[Sequence[str], Any]]
 Form = Literal["add", "log", "factor", "mode", "node"]
 FURTHEST = 1e-7
 """Share of a law below which no member lies. [-]"""
+SEEN = 0.8
+"""Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
@@ -177,6 +179,25 @@ def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
         for path, own in k.assumed.items():
             out.setdefault(path, {}).update(zip(k.names, own.tolist(), strict=True))
     return out
+
+
+def said_of_assumed(kept: Sequence[Discrepancy]) -> dict[str, tuple[float, float]]:
+    """Return assumed value -> variance that the readings of a fit leave it, and how far away they ask it to be; of two the later's. [SI]"""
+    return {p: said for k in kept for p, said in k.of_assumed.items()}
+
+
+def narrowed(law: Distribution, nominal: float, said: tuple[float, float] | None) -> Distribution:
+    """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
+
+    With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
+    ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
+    """
+    if said is None or not law.variance:
+        return law
+    variance, shift = said
+    share = law.variance / (law.variance + variance)
+    left = share * variance + (share * shift) ** 2
+    return Normal(nominal, left**0.5) if left < SEEN * law.variance else law
 
 
 def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str, float]:
@@ -380,6 +401,7 @@ class Budget:
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
     followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
+    said : dict                     Assumed value -> what readings say of it, as `said_of_assumed` returns it.
     whole : Budget or None          Before modes were left out of it: the temperatures that are expected, at which modes act, are its.
     """
 
@@ -396,6 +418,7 @@ class Budget:
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
     followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    said: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     whole: Budget | None = None
 
     @classmethod
@@ -558,7 +581,8 @@ class Budget:
         out = self
         for names, how in groups:
             first, *also = map(ready.canonical, names)
-            law, nominal = ready.law(first, how), ready.nominal[first]
+            nominal = ready.nominal[first]
+            law = narrowed(ready.law(first, how), nominal, self.said.get(first))
             again = [self.followed[n] for n in (first, *also) if n in self.followed]
             # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
             positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
@@ -664,7 +688,7 @@ def budget_of(
     if misfit:
         words = "residuals of the records that the model was fitted to"
         make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
-    make = replace(make, followed=followed_by(source.kept)).with_stated(plain)
+    make = replace(make, followed=followed_by(source.kept), said=said_of_assumed(source.kept)).with_stated(plain)
     if seen:
         make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
     conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
@@ -799,10 +823,11 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
         return ((LeftOut(words), {}),)
     place = {name: k for k, name in enumerate(ready.free)}
     moved = np.zeros((len(place), len(loose)))
-    for k, a in enumerate(loose):
-        moved[place[a.path], k] += a.size
+    sizes = [narrowed(Normal(0.0, a.size), 0.0, budget.said.get(a.path)).variance ** 0.5 for a in loose]
+    for k, (a, size) in enumerate(zip(loose, sizes, strict=True)):
+        moved[place[a.path], k] += size
         for name, by in through.items():
-            moved[place[name], k] += by.get(a.path, 0.0) * a.size
+            moved[place[name], k] += by.get(a.path, 0.0) * size
     kept = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
     each = {n: slopes[n] @ moved for n in kept if n in slopes}
     effect = {n: float(np.linalg.norm(x)) for n, x in each.items()}

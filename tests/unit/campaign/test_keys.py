@@ -42,6 +42,7 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "search": ("multistart", "free and fixed"),
     "window": (60.0, "scenario"),
     "doubts": (True, "free and fixed"),
+    "effective": (True, "free and fixed"),
     "readings": ({"initial.case": Reading("T")}, "scenario"),
     "fit_start": (False, "free and fixed"),
     "options": (Options(tolerance=1e-5), "free and fixed"),

@@ -107,3 +107,50 @@ def test_what_a_scenario_drives_is_left_alone(found: Calibration) -> None:
     told = td.predict(found, OWN.with_(schedule={"seal.conductance": course}))
     assert told["case"].final.error > 0.0
     assert not any("seal.conductance" in x.what for x in told.left_out)
+
+
+STORED = {"value": "600 [J/K]", "min": 450, "max": 750, "source": "assumed"}
+CAPACITANCE, HELD = "case.capacitance", ["skin.effective_htc"]
+
+
+@pytest.fixture(scope="module")
+def stored() -> tuple[Calibration, Calibration]:
+    """A box whose readings determine an assumed capacitance: fitted with it as it is, and with it free."""
+    hidden = box().with_values({"skin.effective_htc": "7.5 [W/(m^2 K)]", CAPACITANCE: "602 [J/K]"})
+    model = td.model_from_dict(
+        {
+            "title": "Box",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": STORED}, "lid": {"capacitance": "200 [J/K]"}},
+            "surfaces": {"skin": SKIN},
+            "conductors": {"seal": {"kind": "conduction", "between": ["case", "lid"], "conductance": "0.05 [W/K]"}},
+            "loads": {"heat": {"into": "case", "power": "4 [W]"}},
+        }
+    )
+    scenario = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]")
+    held, free = (td.calibrate(model, log(hidden), names, scenario=scenario) for names in (HELD, [*HELD, CAPACITANCE]))
+    return held, free
+
+
+def test_a_value_that_the_readings_determine_counts_as_if_it_had_been_fitted(stored: tuple[Calibration, Calibration]) -> None:
+    held, free = stored
+    wide = td.predict(held, OWN, spread={CAPACITANCE: "range"})["case"].half_width.max()
+    fitted = td.predict(free, OWN)["case"].half_width.max()
+    moved = abs(td.predict(free, OWN)["case"].kelvin - td.predict(held, OWN)["case"].kelvin).max()
+    assert fitted <= wide <= 1.1 * (fitted + 2.0 * moved)
+    (variance, shift) = Known.of(held).kept[-1].of_assumed[CAPACITANCE]
+    assert variance**0.5 == pytest.approx(free[CAPACITANCE].error, rel=0.1)
+    assert shift == pytest.approx(abs(free[CAPACITANCE].value - 600.0), rel=0.1)
+
+
+def test_what_the_readings_cannot_separate_keeps_its_spread(found: Calibration) -> None:
+    assert "skin.area" not in Known.of(found).kept[-1].of_assumed
+
+
+def test_what_readings_say_of_an_assumed_value_goes_with_the_file(stored: tuple[Calibration, Calibration], tmp_path: Path) -> None:
+    held, _ = stored
+    held.save(tmp_path / "box.toml")
+    unit = td.model_from_dict({"title": "Unit", "needs": ["air"], "submodels": {"b": {"use": held.model, "bind": {"air": "air"}}}})
+    live = td.predict(held, OWN, spread={CAPACITANCE: "range"})["case"].half_width.max()
+    known = known_of(load_values(tmp_path / "box.toml"), unit, at="b")
+    assert td.predict(known, OWN, spread={f"b.{CAPACITANCE}": "range"})["b.case"].half_width.max() == pytest.approx(live, rel=1e-3)
