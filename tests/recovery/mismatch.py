@@ -20,7 +20,7 @@ from thermid.simulation.scenarios.scenario import Scenario
 from thermid.simulation.transient import simulate
 
 STEP = 0.0625
-SCENARIOS = ("as fitted", "room at +61 C", "room at -34 C", "double power")
+SCENARIOS = ("as fitted", "room at +61 C", "room at -34 C", "double power", "half the power")
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def bench(study: Mismatch, hidden: Model, rng: np.random.Generator) -> Record:
 def scenario(study: Mismatch, which: str) -> Scenario:
     """Return a scenario that was not fitted."""
     room = {"room at +61 C": 61.0, "room at -34 C": -34.0}.get(which, 24.0)
-    twice = 2.0 if which == "double power" else 1.0
-    loads = {k: f"{twice * w} [W]" for k, w in study.powers.items()}
+    times = {"double power": 2.0, "half the power": 0.5}.get(which, 1.0)
+    loads = {k: f"{times * w} [W]" for k, w in study.powers.items()}
     return Scenario(which, boundaries={study.boundary: f"{room} [degC]"}, loads=loads, start=f"{room} [degC]", duration="5 [h]")
 
 

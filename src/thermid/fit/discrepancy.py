@@ -316,8 +316,10 @@ def patterns_of(
         ways = (("difference", way.free, *grows, way.per_exponent(ratio)), ("level", way.lit, *share, way.per_share(ratio, warmer)))
         for kind, probability, mean, square, course_of in ways:
             if probability * mean > 0.0:
-                sd = float(np.sqrt(probability * square - (probability * mean) ** 2))
-                unsaid = float(np.sqrt(probability * (1.0 - probability))) * mean / sd
+                # the band must hold whichever carries the heat: its own doubt counts whole, not with the chance that it is there
+                apart = probability * (1.0 - probability) * mean**2
+                sd = float(np.sqrt(apart + square - mean**2))
+                unsaid = float(np.sqrt(apart)) / sd
                 watts = TableSignal(times, course.heat * course_of, False)
                 out.append(CoefficientMode(path, kind, probability * mean, sd, c.ends, watts, unsaid))
     return out

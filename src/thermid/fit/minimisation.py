@@ -231,7 +231,8 @@ def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[
 
     tolerance = min(1e-10, max(search.done**2, 1e-15)) if search.fine else 1e-3
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # where a log contradicts its model a search may run very far
+        # where a log contradicts its model a search may run very far, and its region of trust may have no slope left to divide by
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             found = least_squares(
                 search.residuals,
                 at,

@@ -42,7 +42,11 @@ FINE: Final = 250.0
 MOST: Final = 6000
 """Rows of averages at most, beyond which powers are averaged too."""
 SPIKES: Final = 8
-"""Usual changes, or noises, by which a single reading lies off both its neighbours to count as a spike."""
+"""Usual changes, or noises, by which a reading lies off those around it to count as a spike."""
+ROW: Final = 3
+"""Readings in a row that may be a spike."""
+RARE: Final = 0.05
+"""Part of the readings up to which those far from their neighbours are spikes."""
 SWITCHED: Final = 8.0
 """Usual changes between neighbours from which a power counts as switched."""
 GAP: Final = 300.0
@@ -164,21 +168,36 @@ def blocked(record: Record, least: float = 0.0) -> Record:
 
 
 def without_spikes(record: Record) -> Record:
-    """Return a record without single readings that lie far from both neighbours, which agree, and without a last one that jumped."""
+    """Return a record without up to three readings in a row that lie far from those around them, and without what came after a late jump.
+
+    Where more than `RARE` of the readings lie so, what is measured moves like that, and all stay.
+    """
     made = []
     for c in record.channels.values():
         known = np.flatnonzero(c.valid)
         if c.role not in ("node", "auto") or c.quantity != "temperature" or known.size < 2 * SPIKES:
             continue
-        steps = np.diff(c.values[known])
-        least = SPIKES * max(float(np.median(np.abs(steps))) / 0.6745, noise_of(record, c.name))
-        both = (np.abs(steps[:-1]) > least) & (np.abs(steps[1:]) > least) & (np.abs(steps[:-1] + steps[1:]) < 0.5 * np.abs(steps[:-1]))
-        gone = np.append(
-            known[1:-1][both], known[-1:] if abs(steps[-1]) > least else []
-        )  # whether the last one comes back is not known yet
-        if gone.size:
-            made.append(c.masked(np.isin(np.arange(c.values.size), gone), "spike"))
+        values = c.values[known]
+        steps = np.abs(np.diff(values))
+        least = SPIKES * max(float(np.median(steps)) / 0.6745, noise_of(record, c.name))
+        far = np.abs(_beside_median(values)) > least
+        if far.mean() > RARE:
+            continue
+        late = np.flatnonzero(steps[-ROW:] > least)  # whether what jumped last comes back is not known yet
+        if late.size:
+            far[steps.size - min(ROW, steps.size) + int(late[0]) + 1 :] = True
+        if far.any():
+            made.append(c.masked(np.isin(np.arange(c.values.size), known[far]), "spike"))
     return record.with_channels(*made) if made else record
+
+
+def _beside_median(values: Array) -> Array:
+    """Return readings (samples,) less the median of twice `ROW` others about each, of fewer at the ends."""
+    out = np.zeros(values.size)
+    for half in range(1, ROW + 1):
+        about = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
+        out[half : values.size - half] = values[half : values.size - half] - np.median(about, axis=1)
+    return out
 
 
 def smoothed(record: Record) -> Record:

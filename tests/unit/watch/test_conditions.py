@@ -124,9 +124,15 @@ class TestRows:
         record = self.record(np.full(400, 12.0))
         values = record["T"].values.copy()
         values[100] += 5.0
+        values[200:202] += [15.0, 18.0]
         values[300:] += 5.0
         made = without_spikes(record.with_channels(replace(record["T"], values=values)))
-        assert np.flatnonzero(~made["T"].valid).tolist() == [100]
+        assert np.flatnonzero(~made["T"].valid).tolist() == [100, 200, 201]
+
+    def test_a_node_that_jumps_with_its_power_has_no_spikes(self) -> None:
+        record = self.record(np.full(400, 12.0))
+        values = record["T"].values + 5.0 * (np.arange(400) % 10 == 0)
+        assert without_spikes(record.with_channels(replace(record["T"], values=values)))["T"].valid.all()
 
     def test_readings_after_a_gap_are_left_out_of_the_fit(self) -> None:
         record = self.record(np.full(4000, 12.0))
