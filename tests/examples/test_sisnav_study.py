@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 from docs.pages import NUMBER, near
@@ -65,16 +66,18 @@ def test_the_document_s_structure_misses_what_follows_a_pause(done: Any) -> None
 
 def test_hidden_values_lie_within_their_stated_errors(done: Any) -> None:
     """About 95 % within two standard errors; none is far out."""
-    found = done.recovered()
+    found = done.recovered
     assert len(found) > 70
     assert sum(r.inside for r in found) >= 0.92 * len(found)
     assert max(abs(r.found.value - r.truth) / r.found.error for r in found) < 4
 
 
 def test_hidden_temperatures_lie_in_their_bands(done: Any) -> None:
+    """A 95 % band holds 95 % of the moments on average: the errors of one unit are constant, so that single sensors lie above and below."""
     seen = done.hidden_errors()
     assert max(h.error for h in seen) < 0.2
-    assert sum(h.inside >= 0.95 for h in seen) >= 0.9 * len(seen)
+    assert 0.9 <= np.mean([h.inside for h in seen]) <= 0.99
+    assert min(h.inside for h in seen) > 0.7
 
 
 def test_V2_vacuum_with_radiation_holds_the_truth_below_the_printed_bound(modules: dict[str, ModuleType], done: Any) -> None:  # noqa: N802
@@ -90,7 +93,9 @@ def test_V2_vacuum_with_radiation_holds_the_truth_below_the_printed_bound(module
 
 def test_a_painted_power_supply_is_refused(modules: dict[str, ModuleType]) -> None:
     said = modules["findings"].no_room_for_paint()
-    assert said.startswith("the coefficient of 'skin' cannot be split: 2.2 W/(m^2 K) in air, but finish 'paint, black'")
+    assert said.startswith(
+        "the coefficient of 'skin' cannot be separated into convection and radiation: 2.2 W/(m^2 K) in air, but finish 'paint, black'"
+    )
     assert "the area" in said
     assert "the power" in said
 

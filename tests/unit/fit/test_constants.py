@@ -55,8 +55,9 @@ class TestConstantCoefficients:
         # what the share takes from convection counts with the share
         squares = {"level": share**2 + spread**2, "difference": 49.0 / 675.0 * (1.0 - share) ** 2}
         for kind, mean in (("level", share), ("difference", 4.0 / 15.0 * (1.0 - share))):
-            # neither is there where something else carries the heat
-            told = probability * mean, math.sqrt(probability * squares[kind] - (probability * mean) ** 2)
+            # neither is there where something else carries the heat; if it is there its own doubt is whole (decision 248)
+            own = squares[kind] - mean**2
+            told = probability * mean, math.sqrt(probability * (1.0 - probability) * mean**2 + own)
             assert (of.means["skin", kind], of.sizes["skin", kind]) == pytest.approx(told)
 
     def test_a_stated_emissivity_is_good_to_fifteen_per_cent(self) -> None:
