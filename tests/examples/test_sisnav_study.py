@@ -80,6 +80,12 @@ def test_hidden_temperatures_lie_in_their_bands(done: Any) -> None:
     assert min(h.inside for h in seen) > 0.7
 
 
+@pytest.mark.xfail(strict=True, reason="missed: 13 of 21 sensors, whose errors are at most 0.13 K")
+def test_nine_of_ten_hidden_sensors_lie_inside_at_95_per_cent_of_the_moments(done: Any) -> None:
+    seen = done.hidden_errors()
+    assert sum(h.inside >= 0.95 for h in seen) >= 0.9 * len(seen)
+
+
 def test_V2_vacuum_with_radiation_holds_the_truth_below_the_printed_bound(modules: dict[str, ModuleType], done: Any) -> None:  # noqa: N802
     """The whole unit: the truth inside, half-width at most a quarter of the rise; the printed run is above both."""
     runs = done.vacuum("m_Sd", modules["page"].SEEN)
