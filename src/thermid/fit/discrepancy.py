@@ -281,7 +281,7 @@ def _ways(
     return out
 
 
-def _growth(course: FlowHistory, at: OperatingPoint) -> tuple[Array, Array]:
+def growth(course: FlowHistory, at: OperatingPoint) -> tuple[Array, Array]:
     """Return the ratio of differences, and what linearised radiation grows by with the level (times,). [-]"""
     ratio = np.maximum(course.difference, SMALL * at.difference) / at.difference
     return ratio, (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
@@ -309,7 +309,7 @@ def patterns_of(
     low, high = EXPONENTS
     for path, (c, way) in _ways(network, found, reference, values).items():
         course = found[path]
-        ratio, warmer = _growth(course, reference[path])
+        ratio, warmer = growth(course, reference[path])
         own, share = 1.0 - way.share, (way.share, way.share**2 + way.spread**2)
         # of a coefficient that is part radiation only the rest grows with the difference
         grows = way.exponent * own, (low**2 + low * high + high**2) / 3.0 * own**2
@@ -342,7 +342,7 @@ def expected_heats(
     out = []
     for path, (c, way) in _ways(network, found, reference, values).items():
         course, before = found[path], plain[path].first - plain[path].second
-        ratio, warmer = _growth(course, reference[path])
+        ratio, warmer = growth(course, reference[path])
         level = reference[path].level
         own = [x for x, end in zip((course.first, course.second), c.ends, strict=True) if end not in network.boundaries]
         steeper = np.mean([(x / level) ** 3 for x in own], axis=0) - 1.0 if own else np.zeros(times.size)

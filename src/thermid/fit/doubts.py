@@ -22,7 +22,7 @@ import numpy as np
 
 from thermid.errors import ThermidError
 from thermid.fit.calibration import FIRST, Calibration
-from thermid.fit.discrepancy import FREE_AIR, SMALL
+from thermid.fit.discrepancy import FREE_AIR, FlowHistory, conditions_of, growth
 from thermid.fit.problem.experiment import Experiment
 from thermid.fit.problem.residuals import Influence, Problem, Unknown
 from thermid.fit.uncertainty.noise import Binned, binned, evidence, weighed
@@ -76,23 +76,36 @@ class DoubtedHeat:
 
 
 def with_doubts(fit: Calibration) -> Calibration:
-    """Return a fit whose errors count what its structure may lack, where its request asks for that or the residuals refute it."""
+    """Return a fit whose errors count what its structure may lack, where its request asks for that or the residuals refute it.
+
+    Where that cannot be counted, the errors stay as they are and a warning says why.
+    """
     asked = fit.request is not None and fit.request.doubts
-    if not _able(fit):
-        return fit
-    try:
-        found = _widened_by(fit, asked)
-    except (ThermidError, np.linalg.LinAlgError):
-        return fit
-    return _taken(fit, *found, asked) if found is not None else fit
-
-
-def _able(fit: Calibration) -> bool:
-    """Whether heats can be laid beside the model of a fit: a network of its own, the same one in every record."""
     problem = fit.problem
-    if problem is None or fit.model.runner is not None or fit.stopped or not problem.unknowns or problem.clocked:
-        return False
-    return all(identity_of(e.model) == identity_of(fit.model) for e in problem.experiments)
+    if problem is None or fit.stopped or not problem.unknowns:
+        return fit
+    why = _obstacle(fit, problem)
+    if not why:
+        try:
+            found = _widened_by(fit, asked)
+        except ThermidError as error:
+            why = error.message
+        except np.linalg.LinAlgError:
+            why = "the readings and the bounds together leave the sizes of the missing heats open"
+        else:
+            return _taken(fit, *found, asked) if found is not None else fit
+    words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
+    return replace(fit, warnings=(*fit.warnings, words))
+
+
+def _obstacle(fit: Calibration, problem: Problem) -> str:
+    """Return why no heat can be laid beside the model of a fit; empty where one can."""
+    if fit.model.runner is not None:
+        return "the equations of the FMU are not known"
+    if problem.clocked:
+        return "a clock is fitted with it"
+    same = all(identity_of(e.model) == identity_of(fit.model) for e in problem.experiments)
+    return "" if same else "its records have different models"
 
 
 def _widened_by(fit: Calibration, asked: bool) -> tuple[Array, Array] | None:
@@ -230,18 +243,13 @@ def _of_surfaces(e: Experiment, run: Solution) -> Iterator[DoubtedHeat]:
 
 
 def _of_surface(c: FlatConductor, run: Solution) -> Iterator[DoubtedHeat]:
-    heat = np.asarray(run.heat_flows[c.path], dtype=float)
     a, b = (run[n].kelvin for n in c.ends[:2])
-    weight, apart = np.abs(heat), np.abs(a - b)
-    if not weight.sum() > 0.0:
+    course = FlowHistory(a, b, np.asarray(run.heat_flows[c.path], dtype=float))
+    found = conditions_of([{c.path: course}])
+    if not found:
         return
-    typical = float(np.exp(weight @ np.log(np.maximum(apart, 1e-9)) / weight.sum()))
-    level = float(weight @ (0.5 * (a + b)) / weight.sum())
-    ways = (
-        ("exponent", EXPONENT, heat * np.log(np.maximum(apart, SMALL * typical) / typical)),
-        # linearised radiation grows as (T1^2 + T2^2) (T1 + T2)
-        ("radiative share", RADIATIVE, heat * ((a**2 + b**2) * (a + b) / (4.0 * level**3) - 1.0)),
-    )
+    ratio, warmer = growth(course, found[c.path])
+    ways = (("exponent", EXPONENT, course.heat * np.log(ratio)), ("radiative share", RADIATIVE, course.heat * warmer))
     for name, sd, more in ways:
         yield DoubtedHeat(f"{name} of {c.path}", sd, {c.ends[0]: -more, c.ends[1]: more})
 
