@@ -16,6 +16,7 @@ import typer
 
 from thermid.campaign.running import RunningTest, running_test
 from thermid.cli.options import (
+    Accept,
     Boundaries,
     Data,
     KeepValues,
@@ -25,6 +26,7 @@ from thermid.cli.options import (
     Start,
     ValuesPath,
     fitted_model,
+    leave,
     pairs,
     scenario_of,
     staged,
@@ -32,10 +34,12 @@ from thermid.cli.options import (
 )
 from thermid.errors import RecordError
 from thermid.extensions import extension
+from thermid.knowledge.store import model_standing
 from thermid.measure.amounts import amount, duration_text
 from thermid.measure.record.record import Record
 from thermid.measure.record.steadiness import rule_of
 from thermid.model.laws.signal import literal
+from thermid.model.parts.parameter import UNJUDGED, Standing
 from thermid.reporting.pages.views import clean
 from thermid.simulation.scenarios.scenario import Scenario
 from thermid.units import TEMPERATURE
@@ -97,6 +101,7 @@ def watch(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
     data: Data = None,
     results: Results = None,
+    accept: Accept = None,
 ) -> None:
     """Watch a running test: when to stop, and what went wrong.
 
@@ -117,12 +122,13 @@ def watch(
     said = scenario_of(scenario, boundary, load, start, None) if given else None
     stated = None if noise is None else with_unit(noise, "K")
     read = {"time": time, "separator": separator, "decimal": decimal, "clock": date}
-    test = None if campaign is None else running_test(staged(campaign, data, results), record, stage)
+    test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
     if test is None:
         deck = None if model is None else fitted_model(model, values, keep)
         columns = BoundColumns(_told(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
     else:
         columns = _columns_of(test, stated, read)
+    standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
     made = _Made(rule, within, limit, slowest, said, required, columns, test)
     with ExitStack() as open_:
         line = open_.enter_context(extension(PORT, str(log))(log, capture)) if _is_port(log) else None
@@ -131,8 +137,8 @@ def watch(
             records = _replayed(columns.read(path, path.stem).trim(with_unit(since, "s"), "end"), step, once)
         else:
             records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
-        look = _looks(records, made, as_json)
-    raise SystemExit(4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
+        look = _looks(records, made, standing, as_json)
+    leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
 
 
 def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None]) -> BoundColumns:
@@ -148,8 +154,8 @@ def _told(channel: list[str]) -> dict[str, str]:
     return {n.strip(): path.strip() or n.strip() for n, _, path in (text.partition("=") for text in channel)}
 
 
-def _looks(records: Iterator[Record], made: _Made, as_json: bool) -> WatchLook | None:
-    """Look at every record up to a stop and say what is seen; return the last look."""
+def _looks(records: Iterator[Record], made: _Made, standing: Standing, as_json: bool) -> WatchLook | None:
+    """Look at every record up to a stop and say what is seen, below what must be known of the values; return the last look."""
     watcher: Watcher | None = None
     look: WatchLook | None = None
     for record in records:
@@ -157,7 +163,8 @@ def _looks(records: Iterator[Record], made: _Made, as_json: bool) -> WatchLook |
         watcher = watcher or made.watcher(record)
         look = watcher.look(record)
         text = str(look) if first or look.advice.word == "stop" else look.seen()
-        typer.echo(json.dumps(clean({"schema": 1, **look.as_object()})) if as_json else text)
+        said = {"schema": 1, **look.as_object(), "standing": standing.to_dict()}
+        typer.echo(json.dumps(clean(said)) if as_json else standing.over(text))
         if look.advice.word == "stop":
             break
     return look

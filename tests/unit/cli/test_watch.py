@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 
 from thermid.acquire.wire import sealed
+from thermid.campaign.stages import run_stages
+from unit.fit.planted import planted
 from unit.watch.test_watch import ICE, rising
 
 Call = Callable[..., Any]
@@ -46,6 +48,26 @@ def board(line: Callable[[int], str]) -> Iterator[str]:
         os.close(port)
         if not over:
             os.close(master)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished campaign of three levels."""
+    root = tmp_path_factory.mktemp("running")
+    run_stages(planted(root, bias=0.0), cache=root / "results").save(root / "results")
+    return root
+
+
+def test_columns_and_model_are_those_of_a_campaign(call: Call, running: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(running)
+    given = ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--once")
+    look = call(*given, "--record", "whole_one", "--json").object
+    assert set(look["ends"]) == {"T_PB", "T_C"}
+    assert [n for n, node in look["nodes"].items() if not node["measured"]] == ["p.a.case"]
+    assert look["standing"]["state"] in ("credible", "unjudged")
+    for more, words in (((), "Name the one that the log is like"), (("--record", "nobody"), "no record 'nobody'")):
+        said = call(*given, *more)
+        assert (said.code, words in said.err) == (2, True)
 
 
 class TestCommand:
